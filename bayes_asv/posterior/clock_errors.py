@@ -205,7 +205,7 @@ def align_clocks(
     Parameters
     ----------
     recordings : sequence of Recording
-        Runs that passed :func:`bayes_asv.posterior.map_fit.prepare_runs`.
+        Runs that passed :func:`bayes_asv.preprocessing.run_preparation.prepare_runs`.
     vehicle, below, car, likelihood
         As for :func:`bayes_asv.estimation.estimate`.
     clocks : sequence of Clock

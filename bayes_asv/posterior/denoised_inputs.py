@@ -60,7 +60,7 @@ def without_noise(posterior: Posterior, z: Array, run: int) -> PreparedRecording
     Returns
     -------
     PreparedRecording
-        With denoised :attr:`wheels`; their moments are unchanged.
+        With denoised ``wheels``; their ``moments`` are unchanged.
     """
     recording = posterior.space.recordings[run]
     time = np.arange(

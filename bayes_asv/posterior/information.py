@@ -1,7 +1,8 @@
 """Fisher information of recordings about a car, and the standard deviations that it predicts.
 
 The unknowns of a car are the independent terms of its prior: a common factor on each parameter, and
-one on the difference of the springs of an axle's two sides (:class:`CarParameter`).  For normalised
+one on the difference of the springs of an axle's two sides
+(:class:`bayes_asv.models.car_model.CarParameter`).  For normalised
 innovations ν with unit covariance and a mean that depends on the logarithms t of the unknowns, the
 information is J = Σ (∂ν/∂t)(∂ν/∂t)ᵀ, the expected negative Hessian of the log-likelihood.
 The noise levels are fixed at their declared or estimated values.  Compared with the curvature of

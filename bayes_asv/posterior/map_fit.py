@@ -102,7 +102,7 @@ def best_fit(
     Parameters
     ----------
     recordings : tuple of PreparedRecording
-        Recordings that passed :func:`prepare_runs`.
+        Recordings from :func:`bayes_asv.preprocessing.run_preparation.prepare_runs`.
     vehicle : Vehicle
         Gives the priors.
     likelihood : str

@@ -1,1 +1,1 @@
-"""From recordings to the arrays a filter takes: steps, splines, bands, tones, data checks."""
+"""From recordings to the arguments of a filter: steps, splines, bands, tones, data checks."""

@@ -14,11 +14,11 @@ __all__ = ["cut", "most_active", "most_active_rows", "wheel_power"]
 
 Array = NDArray[np.float64]
 
-_FEWEST_ROWS = 100
+_FEWEST_ROWS = 100  # least number of rows of a stretch
 
 
 def wheel_power(recording: Recording, vehicle: Vehicle) -> Array:
-    """Sum the squared accelerations of all wheels at each row (N,); of all channels without any."""
+    """Sum of squared accelerations of all wheels at each row (N,); without wheels, all channels."""
     wheels = [c for c, n in enumerate(recording.channels) if vehicle.channel(n).is_input]
     values = recording.values[wheels or slice(None)]
     motion = np.nan_to_num(values - np.nanmedian(values, axis=1, keepdims=True))
@@ -26,7 +26,7 @@ def wheel_power(recording: Recording, vehicle: Vehicle) -> Array:
 
 
 def most_active(power: Array, rows: int) -> slice:
-    """Return the stretch of some rows with the most power (N,), or all of them where N is less."""
+    """Return the stretch of ``rows`` rows with the most power (N,), or all rows if N is smaller."""
     if rows >= len(power):
         return slice(0, len(power))
     running = np.concatenate([[0.0], np.cumsum(power)])
@@ -37,7 +37,7 @@ def most_active(power: Array, rows: int) -> slice:
 def most_active_rows(recording: Recording, vehicle: Vehicle, seconds: float) -> slice:
     """Return the rows of the stretch of some seconds in which the wheels move most.
 
-    It has a hundred rows at least, whatever the time column says.
+    It has at least a hundred rows, since the time column may be wrong.
     """
     rows = max(int(seconds / float(np.median(np.diff(recording.time)))), _FEWEST_ROWS)
     return most_active(wheel_power(recording, vehicle), rows)

@@ -1,10 +1,10 @@
 """Low-pass filtering of recordings, for estimates below a frequency.
 
-An engine, a body that bends, a seat: above some frequency a car does what no half car does.
-One filter on all four channels leaves the linear relation between wheels and chassis as it is,
-so the motion below a frequency obeys the same half car.  The filter is symmetric, so nothing
-is delayed; what it cannot know at the ends is left out.  Filtered readings repeat each other:
-the chassis keeps two readings a period of the band's edge, which is all there is below it,
+Above some frequency, a car moves in ways in which no half car does: engine, bending of the body,
+seat.  A common filter on all four channels does not change the linear relation between wheels and
+chassis, so the motion below a frequency obeys the same half car.  The filter is symmetric and adds
+no delay; values at the ends that it cannot compute are left out.  Filtered readings are redundant:
+the chassis keeps two readings per period of the band edge, which contain all information below it,
 while the wheels, which are inputs, keep every sample.
 """
 
@@ -36,23 +36,23 @@ __all__ = [
 Array = NDArray[np.float64]
 Flags = NDArray[np.bool_]
 
-ABOVE_MODES = 1.2  # times the fastest mode: below it a rate is no longer in the band
-_REACH = 2.0  # periods of the band's edge that the filter looks back and ahead
-_KAISER = 4.55  # 50 dB in the stop band (Kaiser 1974), which then begins at 1.37 times the edge
-_SHORT = 0.125  # of a period: a gap that a spline crosses without harm in the band
-STEPS_IN_PERIOD = 16.0  # at least, in a period: what drives the car is smooth
-# Up to this many samples in a period of the edge, a cubic spline between them misses less than 2 %
+ABOVE_MODES = 1.2  # least band edge, in frequencies of the fastest mode
+_REACH = 2.0  # half length of the filter, in periods of the band edge
+_KAISER = 4.55  # Kaiser's β for 50 dB (Kaiser 1974); the stop band begins at 1.37 times the edge
+_SHORT = 0.125  # longest gap that is interpolated by a spline, in periods of the band edge
+STEPS_IN_PERIOD = 16.0  # least number of filter steps per period of the band edge
+# Least number of samples per period of the band edge: the error of a cubic spline is then below 2 %
 # of the amplitude, (2π/4)⁴/384.
 _SAMPLES_A_PERIOD = 4.0
-_NO_GAP = 1.5  # rows: readings that stand no further apart than that lack none between them
-_FEWEST = 32  # pairs of chassis readings
-# What the half car leaves unexplained in a band is not the sensors' noise; before the fit it is
-# taken to be a tenth of the motion, to within the usual factor for a level that nobody gave.
-_LEFT = 0.1
+_NO_GAP = 1.5  # distance of readings up to which none is missing between them, rows
+_FEWEST = 32  # least number of pairs of chassis readings
+# Prior centre of the residuals of the half car in a band, relative to the motion.  They are not
+# sensor noise, and their level is undeclared.
+_RESIDUAL_SHARE = 0.1
 
 
 def check_band(below: float, car: CarModel) -> None:
-    """Refuse a band that the car's own motion does not fit in.
+    """Refuse a band that does not contain the modes of the car.
 
     Parameters
     ----------
@@ -64,7 +64,7 @@ def check_band(below: float, car: CarModel) -> None:
     Raises
     ------
     InputError
-        When the edge is not above the fastest nominal mode.
+        If the edge is not above the fastest nominal mode.
     """
     fastest = nominal_modes(car)[-1]
     least = ABOVE_MODES * fastest.natural
@@ -82,9 +82,9 @@ def low_pass(below: float, rate: float) -> Array:
     Parameters
     ----------
     below : float
-        Where half of the amplitude is left, Hz.
+        Frequency at which half of the amplitude remains, Hz.
     rate : float
-        Samples a second, Hz.
+        Sampling rate, Hz.
 
     Returns
     -------
@@ -99,12 +99,12 @@ def low_pass(below: float, rate: float) -> Array:
 
 
 def too_short(recording: PreparedRecording, below: float) -> str | None:
-    """Say that too little of a recording is left once the filter has been fed, or None.
+    """Message that a recording is too short for the filter of a band, or None.
 
     Parameters
     ----------
     recording : PreparedRecording
-        A recording, laid out at full band.
+        A recording, prepared at full band.
     below : float
         Upper edge of the band, Hz.
     """
@@ -125,22 +125,22 @@ def low_pass_recording(recording: PreparedRecording, below: float) -> PreparedRe
     Parameters
     ----------
     recording : PreparedRecording
-        A recording, laid out at full band, not :func:`too_short`.
+        A recording, prepared at full band, not :func:`too_short`.
     below : float
         Upper edge of the band, Hz.
 
     Returns
     -------
     PreparedRecording
-        All channels filtered, on one even grid in true time; chassis readings at twice the
-        band's edge (or the sampling rate, where that is lower).  Readings that the filter mixes
-        with clipped samples, or with a gap longer than an eighth of a period, are missing.
-        Noise levels are those after the filter.
+        All channels filtered, on one even grid in true time; chassis readings at twice the band
+        edge (or the sampling rate, if that is lower).  Readings into which the filter mixes clipped
+        samples, or a gap longer than an eighth of a period, are missing.  Noise levels are those
+        after the filter.
 
     Raises
     ------
     InputError
-        When the recording has fewer than four samples in a period of the band's upper edge.
+        If the recording has fewer than four samples per period of the band edge.
     """
     rate = 1.0 / float(np.median(np.diff(recording.times[0])))
     if below > rate / _SAMPLES_A_PERIOD:
@@ -160,21 +160,23 @@ def low_pass_recording(recording: PreparedRecording, below: float) -> PreparedRe
     values = np.empty((len(channels), len(time)))
     mixed = np.empty(values.shape, bool)
     for c in channels:
-        at = recording.times[c, usable[c]]
+        usable_times = recording.times[c, usable[c]]
         if c in recording.inputs:
-            curve = recording.wheels[recording.inputs.index(c)].spline
+            spline = recording.wheels[recording.inputs.index(c)].spline
         else:
-            curve = CubicSpline(at, recording.values[c, usable[c]])
-        values[c] = np.convolve(curve(grid), weights, "valid")
+            spline = CubicSpline(usable_times, recording.values[c, usable[c]])
+        values[c] = np.convolve(spline(grid), weights, "valid")
         longest = max(_SHORT / below, _NO_GAP / rate)
-        guessed = _guessed(grid, at, recording.times[c, recording.clipped[c]], longest)
+        guessed = _interpolated_points(
+            grid, usable_times, recording.times[c, recording.clipped[c]], longest
+        )
         mixed[c] = np.convolve(guessed, np.ones(len(weights)), "valid") > 0.5
     left_out = mixed | np.any(mixed[list(recording.inputs)], axis=0)
     kept = np.arange(0, len(time), max(int(rate / (2.0 * below) + 1e-6), 1))
     left_out[:, np.setdiff1d(np.arange(len(time)), kept)] = True
     step = 1.0 / (STEPS_IN_PERIOD * below)
     wheels = tuple(
-        _wheel(wheel, time, values[c], step)
+        _filtered_wheel(wheel, time, values[c], step)
         for wheel, c in zip(recording.wheels, recording.inputs, strict=True)
     )
     times = np.tile(time, (len(channels), 1))
@@ -183,11 +185,11 @@ def low_pass_recording(recording: PreparedRecording, below: float) -> PreparedRe
     plan = schedule(
         reading, times, (railed, railed), wheels, recording.outputs, recording.car, step
     )
-    # The wheels keep every sample and with it the density of their noise; a filtered chassis
-    # reading has what is left of it.
-    passed = float(np.sqrt(np.sum(weights**2)))
-    share = np.array([1.0 if channel.is_input else passed for channel in recording.channels])
-    level = share * _at_rest(recording.poles, rate)
+    # The wheels keep every sample and thus the spectral density of their noise; the noise of a
+    # chassis reading is that after the filter.
+    noise_gain = float(np.sqrt(np.sum(weights**2)))
+    share = np.array([1.0 if channel.is_input else noise_gain for channel in recording.channels])
+    level = share * _low_frequency_level(recording.poles, rate)
     return replace(
         recording,
         **plan._asdict(),
@@ -201,12 +203,12 @@ def low_pass_recording(recording: PreparedRecording, below: float) -> PreparedRe
         quantization_steps=recording.quantization_steps * share,
         poles=np.zeros(len(channels)),
         below=below,
-        noise_prior_centre=_LEFT * np.std(values, axis=1) / passed * share,
+        noise_prior_centre=_RESIDUAL_SHARE * np.std(values, axis=1) / noise_gain * share,
     )
 
 
-def _guessed(grid: Array, at: Array, clipped: Array, longest: float) -> Flags:
-    """Points of a grid between usable readings that are too far apart or have a clipped one."""
+def _interpolated_points(grid: Array, at: Array, clipped: Array, longest: float) -> Flags:
+    """Find points of a grid between usable readings that are far apart or have a clipped one."""
     far = np.diff(at) > longest
     if len(clipped):
         far[np.clip(np.searchsorted(at, clipped) - 1, 0, len(far) - 1)] = True
@@ -214,23 +216,25 @@ def _guessed(grid: Array, at: Array, clipped: Array, longest: float) -> Flags:
     return np.asarray(far[inside] & (grid > at[inside]) & (grid < at[inside + 1]))
 
 
-def _at_rest(poles: Array, rate: float) -> Array:
-    """Deviation of white noise as dense below a sensor's pole as noise of deviation one.
+def _low_frequency_level(poles: Array, rate: float) -> Array:
+    """Level of white noise with the low-frequency density of sensor noise of unit variance.
 
-    How much of that noise passed the pole is not known: half of it, as the prior says.
+    Half of the noise is assumed to have passed the pole, as the prior of the filtered share.
     """
     rho = np.exp(-poles / rate)
     dense = np.where(poles > 0.0, (1.0 + rho) / np.maximum(1.0 - rho, 1e-9), 1.0)
     return np.asarray(np.sqrt(0.5 * (1.0 + dense)))
 
 
-def _wheel(whole: WheelSignal, time: Array, filtered: Array, step: float) -> WheelSignal:
-    """Interpolate a filtered wheel; what the full band left unknown between samples stays.
+def _filtered_wheel(
+    full_band: WheelSignal, time: Array, filtered: Array, step: float
+) -> WheelSignal:
+    """Interpolate a filtered wheel, and keep the interpolation error of the full band.
 
-    It is averaged over a step, since a step looks at its middle alone.
+    The error is averaged over a step, since a filter step uses its value in the middle only.
     """
     middle = 0.5 * (time[1:] + time[:-1])
-    at = np.clip(np.searchsorted(whole.knots, middle) - 1, 0, len(whole.sd) - 1)
+    at = np.clip(np.searchsorted(full_band.knots, middle) - 1, 0, len(full_band.sd) - 1)
     count = max(round(step / (time[1] - time[0])), 1)
-    power = np.convolve(whole.sd[at] ** 2, np.full(count, 1.0 / count), "same")
+    power = np.convolve(full_band.sd[at] ** 2, np.full(count, 1.0 / count), "same")
     return WheelSignal(CubicSpline(time, filtered), time, np.sqrt(power))

@@ -1,9 +1,9 @@
-"""Checks of recordings before anything is fitted, with reasons in words.
+"""Checks of recordings before any fit, with messages.
 
-Whatever a linear relation between all wheels and one chassis channel leaves over, no car
-explains either: multiple coherence bounds every linear model from above (Bendat & Piersol,
-Random Data, 2010, ch. 7).  Spectra are averaged over windows (Welch 1967); K windows and two
-inputs leave (K − 2)/K of the rest on average, which is made good.
+No linear car model explains more of a chassis channel than the best linear relation with all
+wheels: multiple coherence is an upper bound (Bendat & Piersol, Random Data, 2010, ch. 7).  Spectra
+are averaged over windows (Welch 1967); with K windows and two inputs, the unexplained power is
+underestimated by (K − 2)/K on average, which is corrected.
 """
 
 from __future__ import annotations
@@ -47,24 +47,25 @@ __all__ = [
     "suggest_band",
 ]
 
-LEAST_PERIODS = 1.0  # of the slowest mode that a record must last
-_SAMPLES_A_PERIOD = 12.0  # of the fastest mode
-_REAL = 0.5  # of that for a mode that does not oscillate: 5 were enough for poles of 18 to 32 Hz
-_FEW_A_SECOND = 2.5  # rows: fewer than any logger of accelerations takes
-_FASTEST_LOGGER = 20e3  # Hz
-FEWEST_ROWS = 100  # rows
+LEAST_PERIODS = 1.0  # least length of a recording, in periods of the slowest mode
+_SAMPLES_A_PERIOD = 12.0  # least number of samples per period of the fastest mode
+# Factor on that number for a mode that does not oscillate; 5 were enough for poles of 18 to 32 Hz.
+_REAL = 0.5
+_FEW_A_SECOND = 2.5  # rows per second: fewer than any logger of accelerations takes
+_FASTEST_LOGGER = 20e3  # highest sampling rate of a logger, Hz
+FEWEST_ROWS = 100  # least number of rows of a recording
 MAX_UNEXPLAINED = 0.3
-"""Share left over (rms) beyond which the intervals are too good to be true."""
-_MAX_WHEEL_RMS = 300.0  # m/s² rms of a wheel: 30 g for as long as the drive lasts
+"""Unexplained share (rms) above which the intervals are too narrow."""
+_MAX_WHEEL_RMS = 300.0  # largest rms acceleration of a wheel, m/s²: 30 g throughout the drive
 _RAIL = 0.1
-"""Share of its range by which a sensor may exceed it: data sheets state the range that is assured,
-and converters end a few per cent beyond it."""
+"""Share of its range by which a sensor may exceed it: data sheets state the guaranteed range, and
+converters end a few per cent beyond it."""
 MIN_EXCITATION = 5.0
-"""Wheel rms in units of its noise, below which nothing was driven over."""
+"""Ratio of the rms of a wheel to its noise, below which the drive has no excitation."""
 
 
 def still_wheel(source: str, channels: Sequence[Channel], still: int, rms: Sequence[float]) -> str:
-    """Say that a wheel was still and what to do; its sensor is dead if the body above it moved.
+    """Message that a wheel hardly moved; its sensor is probably dead if the other sensors did.
 
     Parameters
     ----------
@@ -73,46 +74,46 @@ def still_wheel(source: str, channels: Sequence[Channel], still: int, rms: Seque
     channels : sequence of C Channel
         Its channels.
     still : int
-        Which of them.
+        Index of the channel.
     rms : (C,) sequence of float
-        Root mean squares of the channels about their means, SI units.
+        Standard deviations of the channels, SI units.
     """
-    own, shaken = channels[still], rms[still]
+    channel, shaken = channels[still], rms[still]
     moved = [
         f"the {one.words} did ({other:.2f})"
         for one, other in zip(channels, rms, strict=True)
-        if (one.axle, one.side, one.quantity) == (own.axle, own.side, own.quantity)
-        and one is not own
+        if (one.axle, one.side, one.quantity) == (channel.axle, channel.side, channel.quantity)
+        and one is not channel
         and other > 2.0 * shaken
     ]
-    said = f"the {own.words} hardly moved in {source} ({shaken:.2f} m/s² rms)"
+    text = f"the {channel.words} hardly moved in {source} ({shaken:.2f} m/s² rms)"
     if not moved:
-        return f"{said}; drive over a bump, a parking stop or a rough road"
+        return f"{text}; drive over a bump, a parking stop or a rough road"
     return (
-        f"{said}, but {' and '.join(moved)}: its sensor is probably dead, loose or not connected; "
+        f"{text}, but {' and '.join(moved)}: its sensor is probably dead, loose or not connected; "
         "check sensor, plug and cable"
     )
 
 
 def dead_channels(recording: Recording, vehicle: Vehicle, car: CarModel) -> list[str]:
-    """Name channels with too few readings to work with.
+    """Report channels with too few readings.
 
     Parameters
     ----------
     recording, vehicle : Recording and Vehicle
-        As read.
+        Recording and vehicle as read.
     car : CarModel
-        Says which channels it needs.
+        Defines the channels that are needed.
 
     Returns
     -------
     list of str
-        One reason a channel without enough readings inside its range.
+        One message for each channel without enough readings inside its range.
 
     Raises
     ------
     InputError
-        When a channel that the car needs is missing.
+        If a channel that the car needs is missing.
     """
     channels, values, times = used_readings(recording, vehicle, car)
     low, high = rails(values, vehicle, channels)
@@ -126,12 +127,12 @@ def dead_channels(recording: Recording, vehicle: Vehicle, car: CarModel) -> list
     ]
     if reasons:
         return reasons
-    there = np.isfinite(values)
+    finite = np.isfinite(values)
     inputs = [c for c, channel in enumerate(channels) if channel.is_input]
-    first = max(times[c, there[c]][0] for c in inputs)
-    last = min(times[c, there[c]][-1] for c in inputs)
+    first = max(times[c, finite[c]][0] for c in inputs)
+    last = min(times[c, finite[c]][-1] for c in inputs)
     for c, channel in enumerate(channels):
-        inside = there[c] & (times[c] >= first) & (times[c] <= last)
+        inside = finite[c] & (times[c] >= first) & (times[c] <= last)
         if not channel.is_input and np.count_nonzero(inside) < FEWEST_READINGS:
             reasons.append(
                 f"only {np.count_nonzero(inside)} readings of the {channel.words} sensor of "
@@ -142,28 +143,28 @@ def dead_channels(recording: Recording, vehicle: Vehicle, car: CarModel) -> list
 
 
 def preflight(vehicle: Vehicle, recording: PreparedRecording) -> tuple[list[str], list[str]]:
-    """Look for what would make an answer worthless.
+    """Check whether a recording is suitable for a fit.
 
     Parameters
     ----------
     vehicle : Vehicle
         Gives the sensors.
     recording : PreparedRecording
-        One recording; the modes of its nominal car say how long and how fast one must measure.
+        One recording; the modes of its nominal car determine the necessary length and rate.
 
     Returns
     -------
     reasons, warnings : lists of str
-        Sentences; any reason means that the recording is refused.
+        Messages; any reason means that the recording is refused.
     """
     reasons: list[str] = []
     warnings: list[str] = []
-    found = nominal_modes(recording.car)
-    slowest, fastest = found[0].natural, found[-1].natural
+    modes = nominal_modes(recording.car)
+    slowest, fastest = modes[0].natural, modes[-1].natural
     times = recording.times[0]
     rows = len(times)
     duration = float(times[-1] - times[0])
-    rate = min(1.0 / _own_step(recording, c) for c in range(len(recording.channels)))
+    rate = min(1.0 / _reading_step(recording, c) for c in range(len(recording.channels)))
     needed = max(LEAST_PERIODS / slowest, 0.3)
     if duration < needed or rows < FEWEST_ROWS:
         reasons.append(
@@ -171,19 +172,19 @@ def preflight(vehicle: Vehicle, recording: PreparedRecording) -> tuple[list[str]
             f"at least {needed:.2f} s and {FEWEST_ROWS} rows; start the recording a second before "
             "the bump and let it run until the car has stopped bouncing"
         )
-    mistaken = mistaken_time_unit(recording.source, rate, min_sampling_rate(found))
+    mistaken = mistaken_time_unit(recording.source, rate, min_sampling_rate(modes))
     if mistaken:
         return [*reasons, mistaken], warnings
-    if rate < min_sampling_rate(found):
+    if rate < min_sampling_rate(modes):
         reasons.append(
             f"{recording.source} was taken at {rate:.0f} Hz, too slow for this car, which moves at "
-            f"up to {fastest:.1f} Hz; record at {_round_rate(min_sampling_rate(found))} Hz or more"
+            f"up to {fastest:.1f} Hz; record at {_round_rate(min_sampling_rate(modes))} Hz or more"
         )
     for c, channel in enumerate(recording.channels):
         clipped = int(np.count_nonzero(recording.clipped[c]))
-        missing = _missing(recording, c)
+        missing = _count_missing(recording, c)
         due = int(np.count_nonzero(np.isfinite(recording.values[c]))) + missing
-        if _beyond_range(recording.values[c], vehicle.sensor(channel.name)):
+        if _exceeds_range(recording.values[c], vehicle.sensor(channel.name)):
             reasons.append(
                 f"the {channel.words} sensor of {recording.source} reads beyond the range that the "
                 "vehicle file gives for it, which no sensor does; check the unit of the column, "
@@ -231,7 +232,7 @@ def preflight(vehicle: Vehicle, recording: PreparedRecording) -> tuple[list[str]
                 "both parts"
             )
     sides = [e for e, element in enumerate(recording.car.elements) if element.side == "left"]
-    if sides and not reasons and all(_alike(recording, e) for e in sides):
+    if sides and not reasons and all(_move_alike(recording, e) for e in sides):
         reasons.append(
             f"left and right wheels of {recording.source} move alike, so roll is not excited; "
             "drive one side over something before the other, or choose the half car"
@@ -265,14 +266,14 @@ def preflight(vehicle: Vehicle, recording: PreparedRecording) -> tuple[list[str]
 
 
 def mistaken_time_unit(source: str, rate: float, least: float) -> str:
-    """Say that stamps were taken for seconds and are not; empty where they may be.
+    """Message that time stamps are not in seconds; empty if they may be.
 
     Parameters
     ----------
     source : str
         Name of the recording.
     rate, least : float
-        Rows a second by the stamps, and those that the car needs.
+        Sampling rate according to the stamps, and the rate that the car needs, Hz.
     """
     for factor, unit, short in (
         (1e3, "milliseconds", "ms"), (1e6, "microseconds", "us"), (1e9, "nanoseconds", "ns"),
@@ -286,15 +287,15 @@ def mistaken_time_unit(source: str, rate: float, least: float) -> str:
 
 
 def min_sampling_rate(found: list[VibrationMode]) -> float:
-    """Rows a second below which a car of these modes moves between the samples."""
+    """Lowest sampling rate for a car with these modes, Hz."""
     return _SAMPLES_A_PERIOD * max(m.natural * (1.0 if m.damped else _REAL) for m in found)
 
 
-def _alike(recording: PreparedRecording, left: int) -> bool:
+def _move_alike(recording: PreparedRecording, left: int) -> bool:
     """Whether the wheels of an axle differ by little more than their noise."""
     one, other = recording.inputs[left], recording.inputs[left + 1]
-    apart = recording.values[one] - recording.values[other]
-    rms = float(np.std(apart[np.isfinite(apart)]))
+    difference = recording.values[one] - recording.values[other]
+    rms = float(np.std(difference[np.isfinite(difference)]))
     noise = [
         np.hypot(
             noise_level(recording, c) if (given := recording.noise[c]) is None else given,
@@ -305,7 +306,7 @@ def _alike(recording: PreparedRecording, left: int) -> bool:
     return rms < MIN_EXCITATION * float(np.hypot(*noise))
 
 
-def _beyond_range(readings: NDArray[np.float64], sensor: Sensor) -> bool:
+def _exceeds_range(readings: NDArray[np.float64], sensor: Sensor) -> bool:
     """Whether readings lie outside a sensor's range by more than `_RAIL` of it."""
     if not np.isfinite([sensor.low, sensor.high]).all():
         return False
@@ -315,25 +316,24 @@ def _beyond_range(readings: NDArray[np.float64], sensor: Sensor) -> bool:
     )
 
 
-def _own_step(recording: PreparedRecording, c: int) -> float:
-    """Usual time between two readings of a channel, s; rows of other channels do not count."""
+def _reading_step(recording: PreparedRecording, c: int) -> float:
+    """Usual time between two readings of a channel, s, regardless of the rows of other channels."""
     return float(np.median(np.diff(recording.times[c][np.isfinite(recording.values[c])])))
 
 
-def _missing(recording: PreparedRecording, c: int) -> int:
-    """Count the readings that a channel lacks at its own rate, where there are rows for them."""
-    there = np.flatnonzero(np.isfinite(recording.values[c]))
-    edges = np.concatenate([[-1], there, [recording.values.shape[1]]])
+def _count_missing(recording: PreparedRecording, c: int) -> int:
+    """Count the missing readings of a channel, at its own rate and where there are rows."""
+    with_reading = np.flatnonzero(np.isfinite(recording.values[c]))
+    edges = np.concatenate([[-1], with_reading, [recording.values.shape[1]]])
     empty = np.diff(edges) - 1
     times = recording.times[c]
-    known = np.concatenate([[times[0]], times[there], [times[-1]]])
-    steps = np.diff(known) / _own_step(recording, c)
-    # between two readings one step is no gap; a channel that begins or ends a part of a step apart
-    # from the others lacks nothing
-    lacking = np.floor(steps + 1e-6)
-    lacking[1:-1] = np.round(steps[1:-1]) - 1.0
-    lacking = np.maximum(lacking, 0.0).astype(int)
-    return int(np.minimum(empty, lacking).sum())
+    known = np.concatenate([[times[0]], times[with_reading], [times[-1]]])
+    steps = np.diff(known) / _reading_step(recording, c)
+    # one step between two readings is not a gap, nor is a part of a step at either end
+    missing = np.floor(steps + 1e-6)
+    missing[1:-1] = np.round(steps[1:-1]) - 1.0
+    missing = np.maximum(missing, 0.0).astype(int)
+    return int(np.minimum(empty, missing).sum())
 
 
 def _stuck_at_extreme(signal: NDArray[np.float64]) -> int:
@@ -348,7 +348,7 @@ def _stuck_at_extreme(signal: NDArray[np.float64]) -> int:
 
 
 def _round_rate(least: float) -> int:
-    """Round up to the next rate a logger offers."""
+    """Round up to the next usual rate of a logger."""
     for rate in (50, 100, 200, 400, 800):
         if rate >= least:
             return rate
@@ -357,29 +357,31 @@ def _round_rate(least: float) -> int:
 
 Array = NDArray[np.float64]
 
-FEWEST_WINDOWS = 8  # below it two inputs explain a good part of anything
+# Least number of windows: with fewer, two inputs explain a large part of any signal by chance.
+FEWEST_WINDOWS = 8
 
-_WINDOWS = 10.0  # in a recording
-_SHORTEST, _LONGEST = 3.0, 8.0  # periods of the slowest mode in a window
-_HIGHEST = 2.0  # times the fastest mode: all that the car is about lies below
-_WORTH = 0.8  # share explained that makes a band worth a try
-_DRAWN = 1.5  # times the bound: a car that leaves more was fitted to something else
+_WINDOWS = 10.0  # number of windows in a recording
+_SHORTEST, _LONGEST = 3.0, 8.0  # range of the length of a window, periods of the slowest mode
+_HIGHEST = 2.0  # highest band edge that is suggested, in frequencies of the fastest mode
+_WORTH = 0.8  # explained share above which a band is suggested
+# Ratio of unexplained power to the bound above which the fit is biased by motion outside the band.
+_BIASED = 1.5
 
 
 @dataclass(frozen=True)
 class Coherence:
-    """What any linear relation between wheels and chassis leaves over, by frequency.
+    """Power that no linear relation between wheels and chassis explains, by frequency.
 
     Parameters
     ----------
     frequency : (F,) array
-        Hz, without zero.
+        Frequencies without zero, Hz.
     power : (F, ny) array
         Power of each output, its unit squared over Hz.
     unexplained_power : (F, ny) array
         Power that no linear relation with the inputs explains.
     windows : float
-        Number of independent windows it stands on.
+        Equivalent number of independent windows.
     """
 
     frequency: Array
@@ -388,7 +390,7 @@ class Coherence:
     windows: float
 
     def explained(self, low: float, high: float) -> Array:
-        """Share (ny,) of the power from one frequency to another that the wheels can explain."""
+        """Share (ny,) of the power between two frequencies that the wheels can explain."""
         band = (self.frequency > low) & (self.frequency <= high)
         return np.asarray(
             1.0 - self.unexplained_power[band].sum(axis=0) / self.power[band].sum(axis=0)
@@ -403,12 +405,12 @@ def coherence(recording: PreparedRecording, window: float) -> Coherence | None:
     recording : PreparedRecording
         A recording.
     window : float
-        Length of a window, s: its inverse is the resolution.
+        Length of a window, s; its inverse is the resolution.
 
     Returns
     -------
     Coherence or None
-        None when the recording has not :data:`FEWEST_WINDOWS` windows.
+        None if the recording has fewer than :data:`FEWEST_WINDOWS` windows.
     """
     first = max(w.knots[0] for w in recording.wheels)
     last = min(w.knots[-1] for w in recording.wheels)
@@ -416,7 +418,7 @@ def coherence(recording: PreparedRecording, window: float) -> Coherence | None:
     time = np.arange(first, last, 1.0 / rate)
     n = int(window * rate)
     starts = np.arange(0, len(time) - n + 1, max(n // 2, 1))
-    windows = 0.5 * (len(starts) + 1)  # overlapping halves are worth about that many
+    windows = 0.5 * (len(starts) + 1)  # equivalent number, with an overlap of one half
     if n < 8 or windows < FEWEST_WINDOWS:
         return None
     signals = [w.spline(time) for w in recording.wheels]
@@ -434,48 +436,48 @@ def coherence(recording: PreparedRecording, window: float) -> Coherence | None:
     power = np.einsum("faa->fa", cross)[:, nu:].real
     across = cross[:, nu:, :nu]
     gain = np.linalg.solve(wheels.transpose(0, 2, 1), across.transpose(0, 2, 1))
-    met = np.einsum("fba,fab->fa", gain, across.conj()).real
-    left = np.clip((power - met) * windows / (windows - nu), 0.0, power)
+    explained = np.einsum("fba,fab->fa", gain, across.conj()).real
+    unexplained = np.clip((power - explained) * windows / (windows - nu), 0.0, power)
     frequency = np.asarray(np.fft.rfftfreq(n, 1.0 / rate)[1:], np.float64)
-    return Coherence(frequency, power, left, windows)
+    return Coherence(frequency, power, unexplained, windows)
 
 
 def suggest_band(recording: PreparedRecording, left: Array, top: float) -> list[str]:
-    """Say why a fit at full band explains too little, where a band would explain more.
+    """Suggest a band if the fit at full band explains too little and the band would explain more.
 
     Parameters
     ----------
     recording : PreparedRecording
-        A recording, laid out at full band.
+        A recording, prepared at full band.
     left : (ny,) array
-        Share of the power of each output below ``top`` that the fitted car leaves.
+        Unexplained share of the power of each output below ``top``.
     top : float
-        Hz.
+        Upper frequency, Hz.
 
     Returns
     -------
     list of str
-        Empty when the fit leaves little more than any linear relation would, when no band is
-        worth a try, or when the recording is too short to tell.
+        Message; empty if the fit leaves little more than any linear relation would, if no band is
+        suitable, or if the recording is too short.
     """
-    found = nominal_modes(recording.car)  # where to look: from twice the fastest one downwards
-    slowest, fastest = found[0].natural, found[-1].natural
+    modes = nominal_modes(recording.car)  # bands are tried from twice the fastest mode downwards
+    slowest, fastest = modes[0].natural, modes[-1].natural
     span = float(recording.times[0, -1] - recording.times[0, 0])
     window = min(span / _WINDOWS, _LONGEST / slowest)
-    seen = coherence(recording, window) if window * slowest >= _SHORTEST else None
-    if seen is None:
+    multiple_coherence = coherence(recording, window) if window * slowest >= _SHORTEST else None
+    if multiple_coherence is None:
         return []
-    bound = 1.0 - seen.explained(0.0, top)
-    if not np.any((left > MAX_UNEXPLAINED**2) & (left > _DRAWN * bound)):
+    bound = 1.0 - multiple_coherence.explained(0.0, top)
+    if not np.any((left > MAX_UNEXPLAINED**2) & (left > _BIASED * bound)):
         return []
     for below in range(int(_HIGHEST * fastest), 0, -1):
         if below < ABOVE_MODES * fastest or too_short(recording, below) is not None:
             break
-        share = 100.0 * seen.explained(0.0, below)
+        share = 100.0 * multiple_coherence.explained(0.0, below)
         if np.all(share >= 100.0 * _WORTH):
-            names = _listed([recording.channels[c].words for c in recording.outputs])
+            names = _join_words([recording.channels[c].words for c in recording.outputs])
             fitted, best, in_band = (
-                _listed([f"{100.0 * x:.0f}" for x in values])
+                _join_words([f"{100.0 * x:.0f}" for x in values])
                 for values in (np.clip(1.0 - left, 0.0, 1.0), 1.0 - bound, share / 100.0)
             )
             return [
@@ -487,5 +489,5 @@ def suggest_band(recording: PreparedRecording, left: Array, top: float) -> list[
     return []
 
 
-def _listed(parts: list[str]) -> str:
+def _join_words(parts: list[str]) -> str:
     return parts[0] if len(parts) == 1 else f"{', '.join(parts[:-1])} and {parts[-1]}"

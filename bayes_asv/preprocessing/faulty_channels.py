@@ -1,8 +1,8 @@
-"""Channels whose readings no working sensor has: copied, frozen, clipped, or far too noisy.
+"""Detection of faulty channels: copied, frozen, clipped, or far too noisy.
 
-Two sensors never read the same, noise and all: a channel that equals another one is a copy.  A
-sensor that holds its value while others move is frozen, and one that piles up readings at its
-largest or smallest one is at the end of a range that nobody stated.
+Two sensors never have the same noise: a channel that equals another one is a copy.  A sensor that
+holds its value while others move is frozen, and one with many readings at its largest or smallest
+value is at the end of an undeclared range.
 """
 
 from __future__ import annotations
@@ -27,49 +27,56 @@ __all__ = ["clipping_limit", "noisy_channels", "stuck_channels"]
 Array = NDArray[np.float64]
 Flags = NDArray[np.bool_]
 
-_SAME = 0.99  # share of equal readings from which on one channel is a copy of another
-_ROUNDED = 0.51  # of both steps, by which copies differ that were rounded apart
-_RESOLVED = 2.0  # largest step, in deviations of the noise, that a channel at rest flickers by
-_AT_REST = 3.0  # largest deviation of the others then, in steps or noise of the channel
-_EQUAL = 0.65  # share of equal neighbours at rest then: half where white, more behind a filter
-_CHANCE = 1e-3  # of so long a run of equal readings in a recording
-_WINDOW = 24  # readings in which a channel is at rest
-_FEWEST = 3  # equal readings in a row that need no reason
-_JUMP = 8.0  # after such a run, in steps or noise of the channel
-_BEFORE, _AMID = 8, 4.0  # readings before it, and their deviation in the same
-_MOVES = 20.0  # deviation of another channel meanwhile, in steps or noise of the one that holds
-_NEAR = 0.02  # of all it covers, next to an extreme: where a channel that is not clipped often is
-_PILED = 5.0  # readings at an extreme over those near it; a rounded crest has twice as many at most
+_SAME = 0.99  # share of equal readings above which a channel is a copy of another one
+_ROUNDED = 0.51  # largest difference of copies that were rounded differently, in the sum of steps
+_RESOLVED = 2.0  # largest step of a converter whose noise is visible at rest, in sd of the noise
+# Largest standard deviation of the other channels at rest, in steps or noise of the channel.
+_AT_REST = 3.0
+# Share of equal neighbouring readings at rest below which noise is visible: half for white noise,
+# more behind a filter.
+_EQUAL = 0.65
+_CHANCE = 1e-3  # probability of as long a run of equal readings in a recording by chance
+_WINDOW = 24  # readings of a window in which a channel is at rest
+_FEWEST = 3  # length of a run of equal readings that is never suspicious
+_JUMP = 8.0  # jump after a suspicious run, in steps or noise of the channel
+# Number of readings before a suspicious run, and their least standard deviation, in steps or noise.
+_BEFORE, _AMID = 8, 4.0
+# Standard deviation of another channel during the run, in steps or noise of the held one.
+_MOVES = 20.0
+_NEAR = 0.02  # distance from an extreme that counts as near it, relative to the channel's range
+# Ratio of readings at an extreme to those near it above which a channel is clipped; the rounded
+# crest of a signal has at most twice as many.
+_PILED = 5.0
 
-_FEW = 8.0  # steps that a channel at rest covers
+_FEW = 8.0  # range of a channel at rest, in steps
 
-_NOISY = 2.0  # times the stated noise
+_NOISY = 2.0  # ratio of noise level to the declared one above which a channel is too noisy
 
 
 def clipping_limit(samples: int) -> int:
-    """Return how many readings at the end of its range a fit copes with: ten, or 2 %."""
+    """Return the largest number of clipped readings that a fit accepts: ten, or 2 %."""
     return max(10, int(0.02 * samples))
 
 
 def stuck_channels(recording: Recording, vehicle: Vehicle, car: CarModel) -> list[str]:
-    """Name channels that are copies, frozen, or clipped within the range that is stated.
+    """Report channels that are copies, frozen, or clipped within the declared range.
 
     Parameters
     ----------
     recording, vehicle : Recording and Vehicle
-        As read.
+        Recording and vehicle as read.
     car : CarModel
-        Says which channels it needs.
+        Defines the channels that are needed.
 
     Returns
     -------
     list of str
-        One reason a channel.
+        One message for each faulty channel.
 
     Raises
     ------
     InputError
-        When a channel that the car needs is missing.
+        If a channel that the car needs is missing.
     """
     channels, values, _ = used_readings(recording, vehicle, car)
     source = Path(recording.source).name
@@ -84,14 +91,14 @@ def stuck_channels(recording: Recording, vehicle: Vehicle, car: CarModel) -> lis
     for c, channel in enumerate(channels):
         limit = clipping_limit(int(np.count_nonzero(np.isfinite(values[c]))))
         at_rail = low[c] | high[c]
-        piled = _piled_up(values[c], at_rail)
+        count = _clipped_readings(values[c], at_rail)
         sensor = vehicle.sensor(channel.name)
-        held = _held(values, c, sensor) & ~at_rail
+        held = _held_readings(values, c, sensor) & ~at_rail
         if _dead_above(values, channels, c, sensor):
             held = np.isfinite(values[c])
-        if piled > limit:
+        if count > limit:
             reasons.append(
-                f"the {channel.words} sensor of {source} stays at its extreme for {piled} samples "
+                f"the {channel.words} sensor of {source} stays at its extreme for {count} samples "
                 "in all, as a sensor or amplifier at the end of its range does; check its supply "
                 "and gain, drive slower, or use a sensor with a wider range"
             )
@@ -106,10 +113,10 @@ def stuck_channels(recording: Recording, vehicle: Vehicle, car: CarModel) -> lis
 
 
 def noisy_channels(recording: Recording, vehicle: Vehicle, car: CarModel) -> list[str]:
-    """Name channels that are far noisier than stated, while the same one of the other axle is not.
+    """Report channels that are far noisier than declared, while that of the other axle is not.
 
-    On a rough road the motion of a sound wheel looks like noise too, but at both axles; by what
-    factor the axles then differ is uncertain by as much as that, hence the square.
+    On a rough road the motion of a wheel resembles noise too, but at both axles.  The ratio between
+    the axles is then as uncertain as the excess itself, hence the square.
 
     Parameters
     ----------
@@ -119,7 +126,7 @@ def noisy_channels(recording: Recording, vehicle: Vehicle, car: CarModel) -> lis
     Returns
     -------
     list of str
-        One sentence a channel.
+        One message for each noisy channel.
     """
     ratios = {}
     channels, readings, _ = used_readings(recording, vehicle, car)
@@ -142,7 +149,7 @@ def noisy_channels(recording: Recording, vehicle: Vehicle, car: CarModel) -> lis
 
 
 def _copies(values: Array, channels: Sequence[Channel]) -> list[tuple[int, int]]:
-    """Pairs of channels that equal each other wherever one of them moves."""
+    """Find pairs of channels that are equal whenever one of them moves."""
     out = []
     for b in range(len(values)):
         for a in range(b):
@@ -151,13 +158,15 @@ def _copies(values: Array, channels: Sequence[Channel]) -> list[tuple[int, int]]
             both = np.isfinite(values[a]) & np.isfinite(values[b])
             moves = np.append(np.diff(values[a]) != 0.0, False) & both
             one, other = (smallest_step(values[k, both]) for k in (a, b))
-            # Of one converter a copy has the very readings: two sensors that move alike are often
-            # within one coarse step of each other.
+            # With the same step, a copy has exactly the same readings: two sensors with the same
+            # motion are often within one coarse step of each other.
             alike = abs(one - other) < 1e-3 * one
-            near = 1e-6 * one if alike else _ROUNDED * (one + other)
-            if np.count_nonzero(moves) < _WINDOW or not _resolved(values[a, moves], one + other):
-                continue  # at rest any two sensors agree
-            if np.mean(np.abs(values[a, moves] - values[b, moves]) <= near) > _SAME:
+            tolerance = 1e-6 * one if alike else _ROUNDED * (one + other)
+            if np.count_nonzero(moves) < _WINDOW or not _exceeds_rest_range(
+                values[a, moves], one + other
+            ):
+                continue  # at rest, any two sensors agree
+            if np.mean(np.abs(values[a, moves] - values[b, moves]) <= tolerance) > _SAME:
                 out.append((a, b))
     return out
 
@@ -168,12 +177,12 @@ def _runs(signal: Array) -> tuple[NDArray[np.intp], NDArray[np.intp]]:
     return begins, np.diff(np.append(begins, len(signal)))
 
 
-def _held(values: Array, c: int, sensor: Sensor) -> Flags:
-    """Find readings (N,) in runs that a working channel does not have while the others move.
+def _held_readings(values: Array, c: int, sensor: Sensor) -> Flags:
+    """Find readings (N,) in runs of equal values that a working channel does not have.
 
-    A run amid motion that ends in a jump was neither a crest nor rest.  In another one, such as one
-    to the end of the recording, noise of a good part of a step would have shown.  Of a channel that
-    never changes the step is not known: see :func:`_dead_above`, and for wheels the data checks.
+    A run amid motion that ends in a jump is neither a crest nor rest.  In any other run, such as
+    one to the end of the recording, noise of a good part of a step would be visible.  The step of a
+    channel that never changes is unknown: see :func:`_dead_above`, and for wheels the data checks.
     """
     out = np.zeros(values.shape[1], bool)
     present = np.isfinite(values[c])
@@ -186,12 +195,12 @@ def _held(values: Array, c: int, sensor: Sensor) -> Flags:
     step = max(step, sensor.resolution or 0.0)
     floor, noise = max(quiet_level(signal, 0.0), step), sensor.noise
     others = np.nan_to_num(np.delete(values, c, axis=0)[:, present])
-    flickers = noise is not None and step <= _RESOLVED * noise
+    noise_is_visible = noise is not None and step <= _RESOLVED * noise
     if noise is None:
         rest = np.max(_local_deviation(others), axis=0) < _AT_REST * floor
         pairs = rest[1:] & rest[:-1]
         same = np.diff(signal)[pairs] == 0.0
-        flickers = len(same) > _WINDOW and float(np.mean(same)) < _EQUAL
+        noise_is_visible = len(same) > _WINDOW and float(np.mean(same)) < _EQUAL
     enough = 1.0 + math.log(_CHANCE / len(signal)) / math.log(_EQUAL)
     begins, lengths = _runs(signal)
     jumps = np.concatenate([[0.0], np.abs(np.diff(signal)), [0.0]])
@@ -201,7 +210,7 @@ def _held(values: Array, c: int, sensor: Sensor) -> Flags:
         before = signal[max(int(begin) - _BEFORE, 0) : int(begin)]
         amid = len(before) == _BEFORE and float(np.std(before)) > _AMID * floor
         ends = jumps[begin + length] > _JUMP * floor
-        if (ends and amid) or (flickers and length > enough):
+        if (ends and amid) or (noise_is_visible and length > enough):
             moves = float(np.max(np.std(others[:, rows], axis=1))) > _MOVES * floor
             out[np.flatnonzero(present)[rows]] = moves
     return out
@@ -210,17 +219,22 @@ def _held(values: Array, c: int, sensor: Sensor) -> Flags:
 def _dead_above(values: Array, channels: Sequence[Channel], c: int, sensor: Sensor) -> bool:
     """Whether a channel of the body never changes although a wheel of its axle moves.
 
-    A wheel may be still until it meets the bump; the body above one that moves is not.  It has to
-    move by far more than its own noise, and than what the still channel can resolve.
+    A wheel may be at rest until it meets a bump, but the body above a moving wheel is not.  The
+    wheel has to move by far more than its noise, and than the resolution of the other channel.
     """
-    own, readings = channels[c], values[c, np.isfinite(values[c])]
-    if own.is_input or own.axle is None or len(readings) < _WINDOW or np.ptp(readings) > 0.0:
+    channel, readings = channels[c], values[c, np.isfinite(values[c])]
+    if (
+        channel.is_input
+        or channel.axle is None
+        or len(readings) < _WINDOW
+        or np.ptp(readings) > 0.0
+    ):
         return False
     stated = max(sensor.resolution or 0.0, sensor.noise or 0.0)
     wheels = [
         values[k, np.isfinite(values[k])]
         for k, one in enumerate(channels)
-        if one.is_input and (one.axle, one.side) == (own.axle, own.side)
+        if one.is_input and (one.axle, one.side) == (channel.axle, channel.side)
     ]
     return any(
         len(x) >= _WINDOW and float(np.std(x)) > _MOVES * max(stated, quiet_level(x, 0.0)) > 0.0
@@ -235,26 +249,26 @@ def _local_deviation(signals: Array) -> Array:
     return np.asarray(np.sqrt(np.maximum(square - mean**2, 0.0)))
 
 
-def _resolved(readings: Array, step: float) -> bool:
-    """Whether readings move by more than the few steps of a converter at rest."""
+def _exceeds_rest_range(readings: Array, step: float) -> bool:
+    """Whether readings cover more than the few steps of a converter at rest."""
     return float(np.ptp(readings)) > _FEW * step
 
 
-def _piled_up(signal: Array, at_rail: Flags) -> int:
-    """Count readings amid motion that pile up at an extreme which is not a stated rail."""
+def _clipped_readings(signal: Array, at_rail: Flags) -> int:
+    """Count readings amid motion that accumulate at an extreme which is not a declared rail."""
     readings = signal[np.isfinite(signal) & ~at_rail]
     step = smallest_step(readings)
-    if len(readings) < _WINDOW or not _resolved(readings, step):
+    if len(readings) < _WINDOW or not _exceeds_rest_range(readings, step):
         return 0
-    # The level at which a channel rests is an extreme until it has moved both ways.
+    # the level of a channel at rest is an extreme until it has moved both ways
     readings = readings[_local_deviation(readings[None])[0] > _AT_REST * step]
     if len(readings) < _WINDOW:
         return 0
-    near = max(_NEAR * float(np.ptp(readings)), 2.0 * step)
+    tolerance = max(_NEAR * float(np.ptp(readings)), 2.0 * step)
     out = 0
     for extreme in (readings.max(), readings.min()):
         distance = np.abs(readings - extreme)
-        there = int(np.count_nonzero(distance == 0.0))
-        close = int(np.count_nonzero((distance > 0.0) & (distance <= near)))
-        out += there if there > _PILED * max(close, 1) else 0
+        at_extreme = int(np.count_nonzero(distance == 0.0))
+        near_extreme = int(np.count_nonzero((distance > 0.0) & (distance <= tolerance)))
+        out += at_extreme if at_extreme > _PILED * max(near_extreme, 1) else 0
     return out

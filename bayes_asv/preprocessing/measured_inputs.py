@@ -1,13 +1,13 @@
-"""Measured inputs of a run: their biases, and their signal without most of its noise.
+"""Measured inputs of a run: their biases, and their signal with most of the noise removed.
 
-To a linear car a bias of a wheel sensor is a bias of the body's sensors: both move together.  A
-spring that stiffens or a stop that is met depends on where the suspension is.  A bias of 0.1 m/s²
-moves the rest of a car that bounces at 1.4 Hz by 1.3 mm, in every run by another amount, and a stop
-that is touched by half a millimetre is missed or met twice as hard.
+For a linear car, a bias of a wheel sensor is equivalent to one of the body's sensors.  The force of
+a progressive spring or of a stop, however, depends on the position of the suspension.  A bias of
+0.1 m/s² shifts the rest position of a car that bounces at 1.4 Hz by 1.3 mm, differently in every
+run, and a stop that is touched by half a millimetre is missed or met twice as hard.
 
-What a lag, a corner or a bracket would change follows from the wheel's own reading; worked out from
-the raw one it would share the reading's noise, which drives the innovations as well, and a smooth
-drive would show lags that are not there.
+The corrections for a lag, a corner frequency or a bracket are computed from the wheel's reading.
+Computed from the raw reading, they would share its noise, which also drives the innovations, and a
+smooth drive would appear to have lags.
 """
 
 from __future__ import annotations
@@ -37,7 +37,8 @@ __all__ = [
 Array = NDArray[np.float64]
 
 INPUT_BIAS_SD = 0.15
-"""How well the mean reading gives a bias, m/s²: the wheel's speed at both ends over the time."""
+"""Standard deviation of a bias that is estimated by the mean reading, m/s²: the difference of the
+wheel's speeds at both ends, over the duration."""
 
 
 def unit_input_moments(recording: PreparedRecording) -> Array:
@@ -48,19 +49,20 @@ def unit_input_moments(recording: PreparedRecording) -> Array:
 
 
 def without_mean_input(recording: PreparedRecording) -> PreparedRecording:
-    """Return a recording whose inputs have mean zero; the body above them reads as much less.
+    """Subtract the mean of each input from it and from the outputs of the body above.
 
-    Beginning and end count little: what a wheel's speed is there does not average out.
+    The ends of the recording have small weights, since the speed of a wheel there does not average
+    out.
     """
-    rest = np.array([_mean(wheel) for wheel in recording.wheels])
+    means = np.array([_mean(wheel) for wheel in recording.wheels])
     wheels = tuple(
         wheel._replace(spline=CubicSpline(wheel.knots, wheel.spline(wheel.knots) - level))
-        for wheel, level in zip(recording.wheels, rest, strict=True)
+        for wheel, level in zip(recording.wheels, means, strict=True)
     )
     return replace(
         recording,
-        moments=recording.moments - rest[:, None] * unit_input_moments(recording)[:, None],
-        reading=recording.reading - recording.rigid_gain @ rest,
+        moments=recording.moments - means[:, None] * unit_input_moments(recording)[:, None],
+        reading=recording.reading - recording.rigid_gain @ means,
         wheels=wheels,
     )
 
@@ -70,14 +72,14 @@ def _mean(wheel: WheelSignal) -> float:
     return float(np.average(wheel.spline(wheel.knots), weights=weight))
 
 
-_LINES = 9  # of a spectrum that are averaged
-_CERTAIN = 2.0  # times the noise that a line has to hold before any of it passes
+_AVERAGED_BINS = 9  # frequency bins over which power is averaged
+_CERTAIN = 2.0  # ratio of power to noise below which a frequency is removed
 
 
 def denoise_wheel(
     recording: PreparedRecording, number: int, corner: float | None
 ) -> tuple[Array, Array]:
-    """Knots (K,) of a wheel's signal, s, and its readings there without most of their noise.
+    """Knots (K,) of a wheel's signal, s, and its readings there with most of the noise removed.
 
     Parameters
     ----------
@@ -86,7 +88,7 @@ def denoise_wheel(
     number : int
         Number of the input.
     corner : float or None
-        Of the wheel's sensor, Hz.
+        Corner frequency of the wheel's sensor, Hz.
     """
     wheel = recording.wheels[number]
     noise = sample_noise(recording, recording.inputs[number])
@@ -94,7 +96,7 @@ def denoise_wheel(
 
 
 def sample_noise(recording: PreparedRecording, c: int) -> float:
-    """Deviation of one sample of a channel, m/s²: noise as given, or heard, and its steps."""
+    """Return the standard deviation of one sample of a channel, m/s²: noise, and quantization."""
     given = recording.noise[c]
     return math.hypot(
         noise_level(recording, c) if given is None else given,
@@ -103,19 +105,19 @@ def sample_noise(recording: PreparedRecording, c: int) -> float:
 
 
 def denoised(time: Array, signal: Array, noise: float, corner: float | None) -> Array:
-    """Pass a signal where its spectrum stands above that of its noise (Wiener 1949).
+    """Wiener filter: keep a signal where its spectrum exceeds that of the noise (Wiener 1949).
 
     Parameters
     ----------
     time : (N,) array
-        Stamps, s; next to even.
+        Time stamps, s, almost even.
     signal : (N,) array
         Readings.
     noise : float
-        Deviation of one reading.
+        Standard deviation of the noise of one reading.
     corner : float or None
-        Of the sensor's filter, Hz; its noise may have passed it or not, and the larger
-        density of the two counts.
+        Corner frequency of the sensor's filter, Hz.  The noise may have passed the filter or not;
+        the larger density of the two is used.
 
     Returns
     -------
@@ -125,15 +127,15 @@ def denoised(time: Array, signal: Array, noise: float, corner: float | None) -> 
     even = np.linspace(time[0], time[-1], n)
     values = np.interp(even, time, signal)
     trend = np.linspace(values[0], values[-1], n)
-    left = values - trend
-    # Turned round at both ends, a record that begins and ends at zero has no edges.
-    spectrum = np.fft.rfft(np.concatenate([left, -left[::-1]]))
+    detrended = values - trend
+    # the odd extension of a record that begins and ends at zero has no jumps
+    spectrum = np.fft.rfft(np.concatenate([detrended, -detrended[::-1]]))
     frequency = np.fft.rfftfreq(2 * n, even[1] - even[0])
     floor = np.full(len(frequency), noise**2)
     if corner is not None:
         shape = 1.0 / (1.0 + (frequency / corner) ** 2)
         floor = np.maximum(floor, noise**2 * shape / shape.mean())
-    power = uniform_filter1d(np.abs(spectrum) ** 2 / (2 * n), _LINES)
+    power = uniform_filter1d(np.abs(spectrum) ** 2 / (2 * n), _AVERAGED_BINS)
     passed = np.clip(1.0 - _CERTAIN * floor / np.maximum(power, 1e-300), 0.0, None)
-    quiet = np.fft.irfft(spectrum * passed, 2 * n)[:n] + trend
-    return np.asarray(signal + np.interp(time, even, quiet - values))
+    filtered = np.fft.irfft(spectrum * passed, 2 * n)[:n] + trend
+    return np.asarray(signal + np.interp(time, even, filtered - values))

@@ -1,9 +1,9 @@
 """Correction of the likelihood for bands that a filter removed from all channels.
 
-A Kalman filter sees the filtered readings through the noise of the whole band: in the quadratic
-form the missing band is missing, but the determinant still charges for it.  Left alone, the noise
-levels would come out too low, and their spectrum bent away from the band that was cut.  Whittle's
-form of the determinant, ½ Σ log det S(f), says what to give back.
+A Kalman filter assumes noise over the whole band: the quadratic form of the likelihood lacks the
+removed band, but its determinant includes it.  Without a correction, the noise levels would be
+underestimated, and their spectrum distorted.  The correction is Whittle's form of the determinant,
+½ Σ log det S(f).
 """
 
 from __future__ import annotations
@@ -22,20 +22,20 @@ Complex = NDArray[np.complex128]
 
 
 class RemovedBand(NamedTuple):
-    """A missing band.
+    """A band that a filter removed.
 
     Parameters
     ----------
     frequency : (K,) array
-        Hz, where something is missing.
+        Frequencies in the removed band, Hz.
     readings : (K,) array
-        How many groups of readings each frequency stood for that are gone.
+        Number of removed groups of readings that each frequency represents.
     transfer : (K, ny, nu) complex array
-        From inputs to outputs, at the nominal car.
+        Frequency response from inputs to outputs of the nominal car.
     step : float
         Time between readings, s.
     retained_power : float
-        Share of the power of white noise that is left.
+        Share of the power of white noise that remains.
     """
 
     frequency: Array
@@ -54,31 +54,30 @@ def frequency_response(system: StateSpace, frequency: Array) -> Complex:
 
 
 def missing_band(power: Array, groups: int, step: float, system: StateSpace) -> RemovedBand:
-    """Describe what a filter took out.
+    """Describe the band that a filter removed.
 
     Parameters
     ----------
     power : (256,) array
-        Squared gain of the filter at as many frequencies in the middle of equal bands from zero
-        to half the sampling rate.
+        Squared gain of the filter in the middle of equal bands from zero to half the sampling rate.
     groups : int
         Number of groups of readings.
     step : float
         Time between them, s.
     system : StateSpace
-        For the transfer of the inputs' noise; above the car's own modes little of it arrives, so
-        the nominal one will do.
+        Nominal system, for the response to noise of the inputs, which is small above the car's own
+        modes.
     """
     bins = len(power)
     frequency = (np.arange(bins) + 0.5) / (2.0 * bins * step)
-    gone = 1.0 - np.minimum(power, 1.0)
-    some = gone > 1e-3
+    removed = 1.0 - np.minimum(power, 1.0)
+    affected = removed > 1e-3
     return RemovedBand(
-        np.asarray(frequency[some]),
-        np.asarray(groups * gone[some] / bins),
-        frequency_response(system, np.asarray(frequency[some], np.float64)),
+        np.asarray(frequency[affected]),
+        np.asarray(groups * removed[affected] / bins),
+        frequency_response(system, np.asarray(frequency[affected], np.float64)),
         step,
-        float(1.0 - gone.mean()),
+        float(1.0 - removed.mean()),
     )
 
 
@@ -87,26 +86,26 @@ def log_determinant(band: RemovedBand, noise: SensorNoise) -> Array:
 
     Parameters
     ----------
-    band : MissingBand
-        The missing band.
+    band : RemovedBand
+        The removed band.
     noise : SensorNoise
-        Of W parameter sets.
+        Sensor noise of W parameter sets.
     """
     ny, nu = band.transfer.shape[1:]
     omega = 2.0 * np.pi * band.frequency
     poles = noise.poles[:, :, None]
-    # The noise of inputs drives the car in continuous time, that of outputs is sampled.
+    # the noise of inputs drives the car in continuous time, that of outputs is sampled
     inputs = noise.white[:, :nu, None] + noise.filtered[:, :nu, None] * (
         2.0 * poles[:, :nu] / np.maximum(poles[:, :nu] ** 2 + omega**2, 1e-300) / band.step
     )
-    keep = np.exp(-poles[:, nu:] * band.step)
-    outputs = noise.white[:, nu:, None] + noise.filtered[:, nu:, None] * (1.0 - keep**2) / (
-        np.maximum(1.0 + keep**2 - 2.0 * keep * np.cos(omega * band.step), 1e-300)
+    correlation = np.exp(-poles[:, nu:] * band.step)
+    outputs = noise.white[:, nu:, None] + noise.filtered[:, nu:, None] * (1.0 - correlation**2) / (
+        np.maximum(1.0 + correlation**2 - 2.0 * correlation * np.cos(omega * band.step), 1e-300)
     )
     density = np.einsum("kyu,wuk,kzu->wkyz", band.transfer, inputs, band.transfer.conj())
     diagonal = np.arange(ny)
     density[:, :, diagonal, diagonal] += np.moveaxis(outputs, 1, 2)
     _, log_det = np.linalg.slogdet(density)
-    # The noise of the outputs alone is never more than the whole, whatever rounding says.
+    # lower bound, against rounding errors: the noise of the outputs alone
     least = np.sum(np.log(np.maximum(outputs, 1e-300)), axis=1)
     return np.asarray(0.5 * np.maximum(log_det.real, least) @ band.readings)

@@ -54,21 +54,22 @@ Array = NDArray[np.float64]
 Flags = NDArray[np.bool_]
 
 FEWEST_READINGS = 8
-"""Readings of a channel inside its range below which no spline can be drawn."""
+"""Least number of readings of a channel inside its range, for a spline."""
 LONGEST_GAP = 0.25
-"""Periods of the car's fastest mode across which the motion of a wheel can be followed."""
-# The power series of the filter lose (λh)⁸/8! a step: with λh at most 1/4 for the nominal car they
-# hold to 1e-9 there, and to 1e-5 where a rate is three times nominal.
-LONGEST_STEP = 0.005  # s
+"""Longest gap between readings of a wheel, in periods of the car's fastest mode."""
+# Longest step of the filter, s, and largest λh.  The truncation error of its power series is
+# (λh)⁸/8! per step: below 1e-9 for λh of at most 1/4 in the nominal car, and 1e-5 for a car whose
+# rates are three times as large.
+LONGEST_STEP = 0.005
 LONGEST_PHASE = 0.25
-SAME_INSTANT = 1e-8  # s
-# Share by which a step may be too long: at 200 Hz it is just the longest one, and a drift of some
-# ppm must not change the number of steps.
+SAME_INSTANT = 1e-8  # difference of times below which they are the same instant, s
+# Tolerance of the longest step, relative: a step at 200 Hz is just the longest one, and a clock
+# drift of some ppm must not change the number of steps.
 _OVER = 1e-3
 
 
 class MeasurementSchedule(NamedTuple):
-    """Steps and readings of a :class:`PreparedRecording`, in its names."""
+    """Steps and readings of a :class:`PreparedRecording`, with its field names."""
 
     step: Array
     moments: Array
@@ -91,12 +92,12 @@ def rails(readings: Array, vehicle: Vehicle, channels: Sequence[Channel]) -> tup
     vehicle : Vehicle
         Gives each channel's range; a channel without one has no rails.
     channels : sequence of C Channel
-        Which they are.
+        The channels.
 
     Returns
     -------
     low, high : (C, N) bool arrays
-        A reading within half a step of the rail counts as at the rail.
+        Whether a reading is at the rail, to within half a quantization step.
     """
     low = np.zeros(readings.shape, bool)
     high = np.zeros(readings.shape, bool)
@@ -111,12 +112,12 @@ def rails(readings: Array, vehicle: Vehicle, channels: Sequence[Channel]) -> tup
 
 
 def used_channels(recording: Recording, vehicle: Vehicle, car: CarModel) -> tuple[int, ...]:
-    """Numbers of the channels of a recording that a car knows.
+    """Return the indices of the channels of a recording that a car model uses.
 
     Raises
     ------
     InputError
-        When a measured input of the car is missing, or nothing is measured that it explains.
+        If a measured input of the car is missing, or if there is no output that it models.
     """
     channels = [vehicle.channel(name) for name in recording.channels]
     where = recording.source or "recording"
@@ -144,12 +145,12 @@ def used_channels(recording: Recording, vehicle: Vehicle, car: CarModel) -> tupl
 def used_readings(
     recording: Recording, vehicle: Vehicle, car: CarModel
 ) -> tuple[tuple[Channel, ...], Array, Array]:
-    """Return the channels that a car knows, their readings (C, N) in SI units and times (C, N), s.
+    """Return the channels that a car uses, their readings (C, N) in SI units, and times (C, N), s.
 
     Raises
     ------
     InputError
-        As :func:`used_channels`; when a channel is in counts and the vehicle lacks its calibration.
+        As :func:`used_channels`; and if a channel is in counts without a calibration.
     """
     used = list(used_channels(recording, vehicle, car))
     channels = tuple(vehicle.channel(recording.channels[c]) for c in used)
@@ -157,16 +158,16 @@ def used_readings(
 
 
 def prepare(recording: Recording, vehicle: Vehicle, car: CarModel) -> PreparedRecording:
-    """Put a recording in the form that a filter takes.
+    """Prepare a recording for the filter.
 
     Parameters
     ----------
     recording : Recording
-        As read.
+        Recording as read.
     vehicle : Vehicle
         Gives calibration, delays, ranges and bandwidths.
     car : CarModel
-        Says which channels are inputs and which it explains.
+        Defines inputs and outputs.
 
     Returns
     -------
@@ -175,8 +176,8 @@ def prepare(recording: Recording, vehicle: Vehicle, car: CarModel) -> PreparedRe
     Raises
     ------
     InputError
-        When a channel has fewer than :data:`FEWEST_READINGS` readings inside its range, or those
-        that the car needs are missing.
+        If a channel has fewer than :data:`FEWEST_READINGS` readings inside its range, or if
+        channels that the car needs are missing.
     """
     channels, values, times = used_readings(recording, vehicle, car)
     units = dict(zip(recording.channels, recording.units, strict=True))
@@ -242,12 +243,12 @@ def schedule(
     car: CarModel,
     longest: float = LONGEST_STEP,
 ) -> MeasurementSchedule:
-    """Put output readings and input signals in the order in which a filter takes them.
+    """Arrange output readings and input signals in filter steps.
 
     Parameters
     ----------
     values, times : (C, N) arrays
-        Readings (SI units), NaN where there is none, and when they were taken (s).
+        Readings (SI units), NaN where missing, and their times (s).
     rails : pair of (C, N) bool arrays
         Readings at the lower and at the upper rail.
     wheels : sequence of WheelSignal
@@ -257,31 +258,33 @@ def schedule(
     car : CarModel
         Its fastest nominal motion limits the step.
     longest : float
-        Longest step whatever the car, s.
+        Longest step for any car, s.
 
     Returns
     -------
     MeasurementSchedule
     """
     longest = min(longest, LONGEST_PHASE / fastest_rate(state_space(car, car.nominal, ())))
-    # Steps between two samples of a wheel: across a longer gap nothing can be followed, and a stamp
-    # that is wrong must not cost memory for each of its milliseconds.
+    # Most steps between two samples of a wheel: a longer gap is not usable, and a wrong time stamp
+    # must not use memory for every millisecond.
     most = math.ceil(LONGEST_GAP / nominal_modes(car)[-1].natural / longest) + 1
-    instants, kind, reading, pairs = _instants(values, times, rails, wheels, outputs, longest, most)
-    closes = np.zeros(len(instants), bool)
-    closes[pairs.max(axis=1)] = True
+    instants, kind, reading, group_instants = _schedule_instants(
+        values, times, rails, wheels, outputs, longest, most
+    )
+    ends_group = np.zeros(len(instants), bool)
+    ends_group[group_instants.max(axis=1)] = True
     return MeasurementSchedule(
         step=np.diff(instants, prepend=instants[0]),
         moments=np.ascontiguousarray(
             np.stack([moments(w, instants, ORDER) for w in wheels], axis=1)
         ),
-        process_noise=_spread(wheels, instants),
+        process_noise=_process_noise(wheels, instants),
         kind=kind,
-        ends_group=closes,
+        ends_group=ends_group,
         reading=reading,
         extra_variance=np.zeros_like(reading),
         instants=instants,
-        group_instants=pairs,
+        group_instants=group_instants,
     )
 
 
@@ -291,17 +294,17 @@ def common_bandwidth(
     channels: Sequence[Channel],
     bandwidth: Sequence[float | None],
 ) -> tuple[Array, Array]:
-    """Filter the faster sensors' readings so that all passed the same pole.
+    """Filter the readings of faster sensors so that all channels have the same pole.
 
-    An accelerometer without a bandwidth is taken to be like the slowest of the others; another
-    sensor without one is taken to have no filter, which a car model allows for.
+    An accelerometer without a declared bandwidth is assumed to be like the slowest of the others;
+    any other sensor without one is assumed to have no filter, which the car model accounts for.
 
     Returns
     -------
     values : (C, N) array
-        Readings behind the common pole.
+        Readings after the common pole.
     poles : (C,) array
-        That pole, rad/s; 0 for what passed none.
+        That pole, rad/s; 0 for channels without a filter.
     """
     given = [b for b in bandwidth if b is not None]
     if not given:
@@ -310,15 +313,15 @@ def common_bandwidth(
     out = values.copy()
     poles = np.full(len(values), 2.0 * np.pi * target)
     for c, b in enumerate(bandwidth):
-        there = np.isfinite(values[c])
+        finite = np.isfinite(values[c])
         if b is not None:
-            out[c, there] = match_bandwidths(times[c, there], values[c, there], b, target)
+            out[c, finite] = match_bandwidths(times[c, finite], values[c, finite], b, target)
         elif channels[c].quantity != "acceleration":
             poles[c] = 0.0
     return out, poles
 
 
-def _instants(
+def _schedule_instants(
     values: Array,
     times: Array,
     rails: tuple[Flags, Flags],
@@ -327,7 +330,7 @@ def _instants(
     longest: float,
     most: int,
 ) -> tuple[Array, NDArray[np.int8], Array, NDArray[np.int64]]:
-    """Instants of observation in order, with fillers where the step would be too long."""
+    """Instants of readings in order, with additional ones where a step would be too long."""
     low, high = rails
     n = values.shape[1]
     first = max(w.knots[0] for w in wheels)
@@ -358,34 +361,34 @@ def _instants(
     kind = np.full((total, len(outputs)), MISSING, np.int8)
     reading = np.zeros((total, len(outputs)))
     for y, c in enumerate(outputs):
-        mine = output_of == y
-        at, r = position[place[mine]], row_of[mine]
+        of_output = output_of == y
+        at, r = position[place[of_output]], row_of[of_output]
         kind[at, y] = np.where(high[c, r], AT_LEAST, np.where(low[c, r], AT_MOST, VALUE))
         reading[at, y] = values[c, r]
     return instants, kind, reading, _groups(kind)
 
 
 def _groups(kind: NDArray[np.int8]) -> NDArray[np.int64]:
-    """Group readings of all outputs that stand next to each other in time.
+    """Group readings of all outputs that are adjacent in time.
 
-    One board reads all its channels at one instant; two boards with clocks of their own do not, and
-    after a minute they may be a row apart, so rows of the file do not show what belongs together.
+    A board reads all its channels at one instant, but two boards with separate clocks may differ by
+    a row after a minute; therefore readings are not grouped by the rows of the file.
     """
     groups: list[list[int]] = []
     current = [-1] * kind.shape[1]
     for k in np.flatnonzero(np.any(kind != MISSING, axis=1)):
-        there = np.flatnonzero(kind[k] != MISSING)
-        if any(current[y] >= 0 for y in there):
+        outputs_here = np.flatnonzero(kind[k] != MISSING)
+        if any(current[y] >= 0 for y in outputs_here):
             groups.append(current)
             current = [-1] * kind.shape[1]
-        for y in there:
+        for y in outputs_here:
             current[y] = int(k)
     groups.append(current)
     return np.array(groups, np.int64)
 
 
-def _spread(wheels: Sequence[WheelSignal], instants: Array) -> Array:
-    """How a sample's noise and its surroundings drive the states over each step (E, 2 nu)."""
+def _process_noise(wheels: Sequence[WheelSignal], instants: Array) -> Array:
+    """Process noise of each step (E, 2 nu): by a sample's noise, and by interpolation errors."""
     middle = 0.5 * (instants + np.append(instants[0], instants[:-1]))
     out = np.zeros((len(instants), 2 * len(wheels)))
     for u, wheel in enumerate(wheels):

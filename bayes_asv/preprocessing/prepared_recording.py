@@ -1,4 +1,4 @@
-"""A recording as a filter takes it: steps, readings and their times."""
+"""A recording prepared for a filter: steps, readings and their times."""
 
 from __future__ import annotations
 
@@ -39,7 +39,7 @@ class ClockError(NamedTuple):
     kind : {'offset', 'drift'}
         An offset (s) belongs to one run, a drift (relative) to all of them.
     centre, sd : float
-        Of the prior.
+        Mean and standard deviation of the prior.
     """
 
     clock: str
@@ -50,16 +50,16 @@ class ClockError(NamedTuple):
 
 @dataclass(frozen=True, eq=False)
 class ClockVariants:
-    """A recording prepared with other errors of its clocks; K errors, M = (K + 1)(K + 2) / 2.
+    """A recording prepared with other clock errors; K errors, M = (K + 1)(K + 2) / 2.
 
-    Whatever depends smoothly on the errors x, such as a log-likelihood, is known nearby from its
-    values at M points: the recording itself has the errors x₀, and the others x₀ ± h_i e_i and
-    x₀ + h_i e_i + h_j e_j.  Through them goes one polynomial of second degree.
+    A smooth function of the errors x, such as the log-likelihood, is interpolated from its values
+    at M points: the recording itself has the errors x₀, and the variants have x₀ ± h_i e_i and
+    x₀ + h_i e_i + h_j e_j.  These determine a polynomial of second degree.
 
     Parameters
     ----------
     errors : tuple of K ClockError
-        What is unknown.
+        The unknown errors.
     middle, step : (K,) arrays
         x₀ and h.
     recordings : tuple of M − 1 PreparedRecording
@@ -89,9 +89,9 @@ def interpolation_weights(u: Array) -> Array:
     pairs = [u[:, i] * u[:, j] for i in range(count) for j in range(i)]
     both = np.stack(pairs, axis=1) if pairs else np.zeros((len(u), 0))
     others = u * (u.sum(axis=1, keepdims=True) - u)
-    own = [0.5 * (u**2 + u) - others, 0.5 * (u**2 - u), both]
+    single = [0.5 * (u**2 + u) - others, 0.5 * (u**2 - u), both]
     middle = 1.0 - np.sum(u**2, axis=1) + both.sum(axis=1)
-    return np.hstack([middle[:, None], *own])
+    return np.hstack([middle[:, None], *single])
 
 
 @dataclass(frozen=True, eq=False)
@@ -103,54 +103,54 @@ class PreparedRecording:
     car : CarModel
         The car that it is prepared for.
     channels : tuple of Channel
-        Those of the recording that the car knows.
+        Channels of the recording that the car uses.
     inputs, outputs : tuples of int
-        Numbers of the measured inputs, in the order of the car's elements, and of the outputs.
+        Indices of the measured inputs, in the order of the car's elements, and of the outputs.
     step, moments, process_noise, kind, reading, extra_variance, initial_covariance
-        As :class:`bayes_asv.filters.kalman.Measurements` has them.
+        As in :class:`bayes_asv.filters.kalman.Measurements`.
     ends_group : (E,) bool array
-        True at the last instant of a group of readings that belong together.
+        True at the last instant of a group of adjacent readings.
     instants : (E,) array
-        Times of the steps' ends, s.
+        Times at the ends of steps, s.
     group_instants : (R, ny) int array
-        Instants of the readings of each group, -1 where one is missing.
+        Indices of the instants of the readings of each group, -1 where one is missing.
     wheels : tuple of WheelSignal
-        Inputs between their samples.
+        Interpolated inputs.
     values : (C, N) array
-        All channels in SI units, NaN where missing, bandwidths made equal.
+        All channels in SI units, with equal bandwidths, NaN where missing.
     times : (C, N) array
         True sampling time of each reading, s.
     clipped : (C, N) bool array
         Readings at a rail.
     noise : tuple of float or None
-        Given standard deviation of one sample of each channel, SI units.
+        Declared standard deviation of one sample of each channel, SI units.
     quantization_steps : (C,) array
         Quantization step of each channel, SI units; 0 where not given.
     poles : (C,) array
         Pole of the filter that the readings of a channel passed, rad/s; 0 without one.
     bias_directions : (nu, nd) array
-        Directions in which the inputs have a bias of their own.
+        Directions of biases of the inputs that the outputs do not absorb.
     source : str
         File name without its folder, for messages and reports.
     scale_sd : (C,) array
-        Relative deviation of each sensor's scale; 0 where it is exact or not in counts.
+        Relative standard deviation of each sensor's scale; 0 if it is exact or not in counts.
     below : float or None
-        Upper edge of the band that is left of the recording, Hz; None at full band.
+        Upper edge of the band, Hz; None at full band.
     noise_prior_centre : (C,) array or None
-        Centre of the prior of a noise level that is not given, SI units; None for the level of the
-        record's quietest quarter.
+        Centre of the prior of undeclared noise levels, SI units; None for the level in the quarter
+        of the record with the least motion.
     notches : tuple of (frequency, half-width)
-        Bands that were cut out of all channels, Hz.
+        Bands that were removed from all channels, Hz.
     removed_band : RemovedBand or None
-        What that did to the noise.
+        Correction of the likelihood for these bands.
     standstill_noise : (E, nu) array or None
-        Part of ``process_noise`` that is no noise, but distrust of wheels that stand still.
+        Process noise added at standstill for quantization error.
     start_time : float or None
-        When the recording began, s, where a filter took its beginning away.
+        Time at which the recording began, s, if a filter removed its beginning.
     clock_variants : ClockVariants or None
-        The same with other errors of its clocks, where those are not known.
+        The recording with other clock errors, if these are unknown.
     log_sha256 : str
-        Hash of the file that it was read from, empty without one; pieces of one log have the same.
+        Hash of the file from which it was read, or empty; pieces of one log have the same hash.
     """
 
     car: CarModel
@@ -188,7 +188,7 @@ class PreparedRecording:
 
     @property
     def measurements(self) -> Measurements:
-        """Steps and readings as a filter takes them."""
+        """Steps and readings for a filter."""
         return Measurements(
             self.step,
             self.moments,
@@ -201,7 +201,7 @@ class PreparedRecording:
 
     @property
     def output_models(self) -> tuple[Output, ...]:
-        """Outputs, and whether each passed the common filter."""
+        """Models of the outputs, including whether each passed the common filter."""
         pole = float(np.max(self.poles[list(self.inputs)], initial=0.0))
         return tuple(
             Output(self.channels[c], 1.0 / pole if pole > 0.0 and self.poles[c] == 0.0 else 0.0)
@@ -210,10 +210,10 @@ class PreparedRecording:
 
     @property
     def accelerations(self) -> tuple[int, ...]:
-        """Numbers, among the outputs, of those that measure an acceleration.
+        """Indices, among the outputs, of those that measure an acceleration.
 
-        They answer a force on the body at once.  An angular rate or a deflection answers one at
-        a frequency ω by a factor ω or ω² less: what shakes the body shows in accelerations.
+        They respond to a force on the body without delay.  At a frequency ω, the response of an
+        angular rate or a deflection is smaller by a factor ω or ω².
         """
         return tuple(
             y for y, c in enumerate(self.outputs) if self.channels[c].quantity == "acceleration"
@@ -221,7 +221,7 @@ class PreparedRecording:
 
     @cached_property
     def rigid_gain(self) -> Array:
-        """Outputs (ny, nu) for wheels and body that accelerate together, at the nominal car."""
+        """Outputs (ny, nu) if wheels and body accelerate together, for the nominal car."""
         nominal = self.car.nominal
         followed = np.linalg.pinv(self.car.heights(nominal)[0])
         out = np.zeros((len(self.outputs), len(self.inputs)))
@@ -231,17 +231,17 @@ class PreparedRecording:
 
     @property
     def order(self) -> tuple[int, ...]:
-        """Numbers of the channels as a filter takes their noise: inputs, then outputs."""
+        """Indices of the channels in the order of a filter's noise: inputs, then outputs."""
         return (*self.inputs, *self.outputs)
 
     @property
     def elapsed(self) -> Array:
-        """Times of the steps' ends since the recording began (E,), s."""
+        """Times at the ends of steps since the recording began (E,), s."""
         return self.instants - (self.instants[0] if self.start_time is None else self.start_time)
 
     @property
     def noise_spread(self) -> Array:
-        """How noise alone drives the states over each step (E, 2 nu)."""
+        """Process noise of each step (E, 2 nu), without that added at standstill."""
         if self.standstill_noise is None:
             return self.process_noise
         return self.process_noise - np.hstack(
@@ -252,10 +252,10 @@ class PreparedRecording:
         """Arrange values at instants (E, ny) by groups of readings (R, ny), nan where missing."""
         out = np.full(self.group_instants.shape, np.nan)
         for y in range(self.group_instants.shape[1]):
-            there = self.group_instants[:, y] >= 0
-            at = self.group_instants[there, y]
+            has_reading = self.group_instants[:, y] >= 0
+            at = self.group_instants[has_reading, y]
             value = self.kind[at, y] == VALUE
-            out[there, y] = np.where(value, values[at, y], np.nan)
+            out[has_reading, y] = np.where(value, values[at, y], np.nan)
         return out
 
     @property
@@ -272,12 +272,12 @@ class PreparedRecording:
 def with_clock_variants(
     recording: PreparedRecording, change: Callable[[PreparedRecording], PreparedRecording]
 ) -> PreparedRecording:
-    """Change a recording, and with it what it would be with other errors of its clocks."""
+    """Apply a change to a recording and to its clock variants."""
     if recording.clock_variants is None:
         return change(recording)
-    alone = replace(recording, clock_variants=None)
+    without_variants = replace(recording, clock_variants=None)
     first, *others = common_readings(
-        [change(one) for one in (alone, *recording.clock_variants.recordings)]
+        [change(one) for one in (without_variants, *recording.clock_variants.recordings)]
     )
     return replace(
         first, clock_variants=replace(recording.clock_variants, recordings=tuple(others))
@@ -285,26 +285,26 @@ def with_clock_variants(
 
 
 def common_readings(recordings: Sequence[PreparedRecording]) -> list[PreparedRecording]:
-    """Leave those readings that one recording has whatever the errors of its clocks.
+    """Keep only readings that all variants of a recording have.
 
-    At either end a shift moves readings out of the time in which all channels were sampled, and
+    At either end, a shift moves readings out of the time in which all channels were sampled, and
     likelihoods of different readings cannot be compared.
     """
     rows = [
         [_rows(recording, y) for y in range(len(recording.outputs))] for recording in recordings
     ]
     out = []
-    for recording, own in zip(recordings, rows, strict=True):
+    for recording, rows_of_outputs in zip(recordings, rows, strict=True):
         kind = recording.kind.copy()
-        for y, mine in enumerate(own):
-            lost = ~np.logical_and.reduce([np.isin(mine, other[y]) for other in rows])
+        for y, own_rows in enumerate(rows_of_outputs):
+            lost = ~np.logical_and.reduce([np.isin(own_rows, other[y]) for other in rows])
             kind[np.flatnonzero(recording.kind[:, y] != MISSING)[lost], y] = MISSING
         out.append(replace(recording, kind=kind))
     return out
 
 
 def _rows(recording: PreparedRecording, output: int) -> NDArray[np.int64]:
-    """Rows of the recording in which the readings of an output stand."""
+    """Rows of the recording that contain the readings of an output."""
     times = recording.times[recording.outputs[output]]
     at = recording.instants[recording.kind[:, output] != MISSING]
     after = np.clip(np.searchsorted(times, at), 1, len(times) - 1)

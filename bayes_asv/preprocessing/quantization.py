@@ -1,13 +1,13 @@
-"""Noise of one sample of a channel, and quantization errors of signals that hardly move.
+"""Noise of one sample of a channel, and quantization errors of signals at rest.
 
-While a signal crosses many steps the error of its converter is white noise of step²/12.  While it
-stands still a part of it stays as it is, up to about (step/π) exp(−2π² (σ/step)²) with noise σ
-(Widrow & Kollár 2008, Quantization Noise, ch. 4), and what toggles between two counts is up to
-step²/4 and autocorrelated as the noise is.  In a measured input either is a slow error that drives
-the suspension of the model: before a bump, a car at rest with converters of ten bits would seem to
-be pushed.  So the noise of a wheel at rest is increased, below the frequencies of a suspension, by
-the constant and the autocorrelated part; and readings of a car at rest before and after its drive
-are left out.
+While a signal crosses many steps, its quantization error is white noise of variance step²/12.  At
+rest, a part of the error is constant, up to about (step/π) exp(−2π² (σ/step)²) with noise σ (Widrow
+& Kollár 2008, Quantization Noise, ch. 4), and a reading that toggles between two counts has an
+error of up to step²/4, autocorrelated as the noise is.  In a measured input, both are slow errors
+that drive the suspension of the model: before a bump, a car at rest with ten-bit converters would
+appear to move.  The noise of a wheel at rest is therefore increased, below the frequencies of a
+suspension, by the constant and the autocorrelated part; and readings at standstill before and after
+the drive are left out.
 """
 
 from __future__ import annotations
@@ -42,25 +42,26 @@ __all__ = [
 Array = NDArray[np.float64]
 
 STILL_WINDOW = 0.1
-"""Length of the window in which a channel stands still, s."""
+"""Length of the window that decides whether a channel is at rest, s."""
 STILL_STEPS = 2.5
-"""Steps of its converter that a channel which stands still covers in this window."""
-_HARMONICS = 20  # of a saw tooth, beyond which there is no error that stays
-_TEETH = 0.5  # steps from reading to reading below which errors of a converter remember
-_LEAD = 0.5  # s around a drive that are listened to
-_FORGOTTEN = 0.15  # s after which a suspension has forgotten what its wheel did
-_FEWEST = 200  # readings from which the top of a spectrum is looked at
-# The noise of a sensor falls by 6 dB in an octave behind its pole, and by 24 dB behind an analogue
-# filter of fourth order: where the upper third is 40 dB lower there is no such noise.
+"""Largest range of a channel at rest in this window, in steps of its converter."""
+_HARMONICS = 20  # number of harmonics of the sawtooth error that are added up
+# Change between readings, in steps, below which quantization errors are autocorrelated.
+_TEETH = 0.5
+_LEAD = 0.5  # seconds kept before and after the drive
+_SUSPENSION_MEMORY = 0.15  # time after which the suspension has forgotten an input, s
+_FEWEST = 200  # least number of readings for an estimate from the top of the spectrum
+# Ratio of levels below which the top of a spectrum has no sensor noise: such noise falls by 6 dB
+# per octave behind a pole and by 24 dB behind an analogue filter of fourth order, not by 40 dB.
 _EMPTY = 0.01
-_SLIGHT = 0.05  # of the noise's power, below which nothing is doubted
+_SLIGHT = 0.05  # increase of the noise variance that is ignored, relative
 
 
 def offset(step: float, noise: float) -> float:
-    """Largest error of a converter that stays while a reading with noise ``noise`` stands still.
+    """Largest constant error of a converter for a reading at rest with noise ``noise``.
 
-    Both in the unit of the reading.  The mean error goes with the place x between two steps as
-    (step/π) Σₖ (−1)ᵏ/k exp(−2π² k² (σ/step)²) sin 2πk x, to half a step at most.
+    All in the unit of the reading.  At a position x between two steps, the mean error is
+    (step/π) Σₖ (−1)ᵏ/k exp(−2π² k² (σ/step)²) sin 2πk x, at most half a step.
     """
     if step <= 0.0:
         return 0.0
@@ -72,69 +73,75 @@ def offset(step: float, noise: float) -> float:
 
 
 def with_noise_of_still_wheels(recording: PreparedRecording) -> PreparedRecording:
-    """Increase the noise of wheels at rest by the errors of their converters.
+    """Increase the noise of wheels at rest by their quantization errors.
 
-    The outputs do not need this: 40 drives of the 2008 car without a fault, with its ten bits and
-    the noise of its data sheets, gave 22 false alarms before, and one with the noise increased at
-    the wheels.
+    The outputs do not need this: on 40 drives of the 2008 car without a fault, with its ten bits
+    and the noise of its data sheets, there were 22 false alarms before, and one with the noise of
+    the wheels increased.
     """
-    beyond = [_beyond(recording, c) * is_stationary(recording, c) for c in recording.inputs]
-    doubt = np.stack(beyond, axis=1) * recording.process_noise[:, : len(beyond)]
-    spread = recording.noise_spread + np.hstack([np.zeros_like(doubt), doubt])
-    return replace(recording, process_noise=spread, standstill_noise=doubt)
+    excess = [
+        _excess_variance(recording, c) * is_stationary(recording, c) for c in recording.inputs
+    ]
+    standstill_noise = np.stack(excess, axis=1) * recording.process_noise[:, : len(excess)]
+    process_noise = recording.noise_spread + np.hstack(
+        [np.zeros_like(standstill_noise), standstill_noise]
+    )
+    return replace(recording, process_noise=process_noise, standstill_noise=standstill_noise)
 
 
 def without_standstill(recording: PreparedRecording) -> PreparedRecording:
-    """Leave out the readings of a car at rest before and after its drive.
+    """Leave out readings at standstill before and after the drive.
 
-    At rest a coarse converter shows nothing but a zero that is off by up to a step; the longer the
-    rest, the smaller its standard deviation would seem to be.
+    At rest, a coarse converter reads a constant that is wrong by up to a step; the longer the car
+    waits, the smaller the standard deviation of this constant would appear.
     """
     still = np.all([is_stationary(recording, c) for c in range(len(recording.channels))], axis=0)
     if still.all() or not still.any():
         return recording
     moving = recording.instants[~still]
-    waits = (recording.instants < moving[0] - _LEAD) | (recording.instants > moving[-1] + _LEAD)
-    return replace(recording, kind=np.where(waits[:, None], MISSING, recording.kind))
+    is_waiting = (recording.instants < moving[0] - _LEAD) | (
+        recording.instants > moving[-1] + _LEAD
+    )
+    return replace(recording, kind=np.where(is_waiting[:, None], MISSING, recording.kind))
 
 
 def is_stationary(recording: PreparedRecording, c: int) -> NDArray[np.bool_]:
-    """Whether a channel stands still on a coarse converter at each instant (E,)."""
-    return _covers_less(recording, c, lambda readings: STILL_STEPS)
+    """Whether a channel with a coarse converter is at rest at each instant (E,)."""
+    return _range_is_below(recording, c, lambda readings: STILL_STEPS)
 
 
 def is_slow(recording: PreparedRecording, c: int) -> NDArray[np.bool_]:
-    """Whether a channel crosses so few steps of a converter that its errors are autocorrelated.
+    """Whether a channel moves so slowly that its quantization errors are autocorrelated (E,).
 
-    What moves by a part of a step from reading to reading errs in saw teeth of several readings.
+    If it changes by a fraction of a step between readings, its error is a sawtooth over several
+    readings.
     """
-    return _covers_less(recording, c, slow_steps)
+    return _range_is_below(recording, c, slow_steps)
 
 
 def slow_steps(readings: int) -> float:
-    """Return the steps in a window below which the errors of a converter are autocorrelated."""
+    """Return the range in a window, in steps, below which errors are autocorrelated."""
     return max(STILL_STEPS, _TEETH * readings)
 
 
-def _covers_less(
+def _range_is_below(
     recording: PreparedRecording, c: int, steps: Callable[[int], float]
 ) -> NDArray[np.bool_]:
-    """Whether a channel covers fewer steps than that in a window of some readings (E,)."""
-    if _beyond(recording, c) == 0.0:
+    """Whether the range of a channel in a window is less than some steps (E,)."""
+    if _excess_variance(recording, c) == 0.0:
         return np.zeros(len(recording.instants), bool)
-    there = np.isfinite(recording.values[c])
-    time, signal = recording.times[c, there], recording.values[c, there]
+    finite = np.isfinite(recording.values[c])
+    time, signal = recording.times[c, finite], recording.values[c, finite]
     n = max(round(STILL_WINDOW / float(np.median(np.diff(time)))), 3)
     span = maximum_filter1d(signal, n) - minimum_filter1d(signal, n)
-    less = (span < steps(n) * recording.quantization_steps[c]).astype(float)
-    return np.asarray(np.interp(recording.instants, time, less) > 0.5)
+    below = (span < steps(n) * recording.quantization_steps[c]).astype(float)
+    return np.asarray(np.interp(recording.instants, time, below) > 0.5)
 
 
 def spurious_drift(recording: PreparedRecording, c: int) -> float:
-    """Slope (m/s³) of a channel's zero that its converter alone can cause over a recording.
+    """Slope (m/s³) of a channel's offset that its converter can cause over a recording.
 
-    A zero that moves by as much as a converter's offset, between the beginning and the end of a
-    run, is no fault.
+    A change of the offset by as much as the error of the converter is not a fault.
     """
     still = float(np.mean(is_stationary(recording, c)))
     largest = offset(float(recording.quantization_steps[c]), float(recording.noise[c] or 0.0))
@@ -143,86 +150,86 @@ def spurious_drift(recording: PreparedRecording, c: int) -> float:
     )
 
 
-def _beyond(recording: PreparedRecording, c: int) -> float:
-    """Variance (m²/s⁴) of white noise as strong as the quantization error of a channel at rest."""
+def _excess_variance(recording: PreparedRecording, c: int) -> float:
+    """Variance (m²/s⁴) of white noise equivalent to the quantization error of a channel at rest."""
     time = recording.times[c, np.isfinite(recording.values[c])]
     if len(time) < 3:
         return 0.0
-    every = float(np.median(np.diff(time)))
+    interval = float(np.median(np.diff(time)))
     return still_variance(
         float(recording.quantization_steps[c]),
         float(recording.noise[c] or 0.0),
         float(recording.poles[c]),
-        every,
+        interval,
     )
 
 
 def still_variance(step: float, noise: float, pole: float, every: float) -> float:
-    """Variance of as strong white noise beyond what is believed of a channel that stands still.
+    """Additional variance of white noise that is equivalent to quantization errors at rest.
 
-    Zero where the converter is fine enough for its errors to be white noise at standstill as well.
+    Zero if the converter is fine enough for its errors to be white at rest as well.
 
     Parameters
     ----------
     step, noise : float
         Step of the converter, and noise of one sample, in the unit of the reading.
     pole : float
-        Of the sensor's filter, rad/s; zero without one.
+        Pole of the sensor's filter, rad/s; zero without one.
     every : float
         Time between two readings, s.
     """
     if step <= 0.0:
         return 0.0
-    memory = np.exp(-pole * every * np.arange(1, 50)) if pole else np.zeros(1)
-    stays = _FORGOTTEN / every * 0.5 * offset(step, noise) ** 2
-    torn = 0.25 * step**2 * (1.0 + 4.0 / math.pi * float(np.arcsin(memory).sum()))
-    known = step**2 / 12.0 + noise**2 * (1.0 + 2.0 * float(memory.sum()))
-    beyond = max(torn - known, 0.0) + stays
-    return beyond if beyond > _SLIGHT * known else 0.0
+    correlations = np.exp(-pole * every * np.arange(1, 50)) if pole else np.zeros(1)
+    constant = _SUSPENSION_MEMORY / every * 0.5 * offset(step, noise) ** 2
+    toggling = 0.25 * step**2 * (1.0 + 4.0 / math.pi * float(np.arcsin(correlations).sum()))
+    known = step**2 / 12.0 + noise**2 * (1.0 + 2.0 * float(correlations.sum()))
+    excess = max(toggling - known, 0.0) + constant
+    return excess if excess > _SLIGHT * known else 0.0
 
 
 def smallest_step(signal: Array) -> float:
-    """Smallest distance between two different readings; zero where all are equal."""
+    """Smallest distance between two different readings; zero if all are equal."""
     steps = np.diff(np.unique(signal))
     steps = steps[steps > 1e-9 * np.ptp(signal)] if len(steps) else steps  # beyond rounding
     return float(steps.min()) if len(steps) else 0.0
 
 
 def quiet_level(a: Array, step: float) -> float:
-    """Noise of one sample (m/s²) of readings (N,), from the quietest quarter of their record.
+    """Noise of one sample (m/s²) of readings (N,), from the quarter with the least motion.
 
-    Third differences take out what is smooth; white noise of deviation σ gives them √20 σ.
-    A hundredth of the channel's own deviation is the least that is believed, and what a converter
-    of this step adds; where the step is not given (zero) it is read off.
+    Third differences remove smooth motion; for white noise of standard deviation σ, theirs is
+    √20 σ.  Lower bounds are a hundredth of the channel's standard deviation, and the noise of a
+    converter with this step; a step of zero is replaced by the smallest step in the record.
     """
     a = a[np.isfinite(a)]
     quiet = float(np.quantile(np.abs(np.diff(a, 3)), 0.25)) / 0.3186 / math.sqrt(20.0)
-    return _at_least(quiet, a, step)
+    return _bounded_level(quiet, a, step)
 
 
-def _at_least(level: float, a: Array, step: float) -> float:
-    """Return a level, or the least that is believed of finite readings (N,)."""
+def _bounded_level(level: float, a: Array, step: float) -> float:
+    """Return a noise level, or its lower bound for finite readings (N,)."""
     step = step or smallest_step(a)
     return max(level, 0.01 * float(np.std(a)), step / math.sqrt(12.0), 1e-6)
 
 
 def noise_level(recording: PreparedRecording, c: int) -> float:
-    """Noise of one sample of a channel, m/s², from its quiet quarter.
+    """Noise of one sample of a channel, m/s², from its quarter with least motion.
 
-    White noise is as strong at every frequency.  Where the top of the spectrum is empty, what the
-    third differences hold is motion, and the least that is believed is taken in its place.
+    White noise has the same density at every frequency.  If the top of the spectrum is empty, the
+    third differences contain motion, and the lower bound is used.
     """
     if recording.noise_prior_centre is not None:
         return float(recording.noise_prior_centre[c])
     a, step = recording.values[c], float(recording.quantization_steps[c])
-    quiet, top = quiet_level(a, step), _top_level(a)
-    return quiet if top > _EMPTY * quiet else _at_least(top, a[np.isfinite(a)], step)
+    quiet, top = quiet_level(a, step), _high_frequency_level(a)
+    return quiet if top > _EMPTY * quiet else _bounded_level(top, a[np.isfinite(a)], step)
 
 
-def _top_level(a: Array) -> float:
-    """Deviation (m/s²) of white noise as strong as readings (N,) are at the top of their spectrum.
+def _high_frequency_level(a: Array) -> float:
+    """Level (m/s²) of white noise with the density of readings (N,) at the top of their spectrum.
 
-    It is the median of the periodogram (Hann's window) over the upper third of the frequencies; the
+    It is the median of the periodogram (Hann window) over the upper third of the frequencies; the
     median of χ² with two degrees of freedom is ln 2 of its mean.  Infinite for a few readings.
     """
     a = a[np.isfinite(a)]

@@ -1,4 +1,4 @@
-"""Recordings prepared for the filter, and checked before anything is fitted."""
+"""Preparation of recordings for the filter, and checks before any fit."""
 
 from __future__ import annotations
 
@@ -22,49 +22,49 @@ def prepare_runs(
     below: float | None = None,
     car: str = "half",
 ) -> tuple[tuple[PreparedRecording, ...], tuple[str, ...], tuple[str, ...]]:
-    """Prepare recordings for the filter and check them before anything is fitted.
+    """Prepare recordings for the filter, and check them before any fit.
 
     Parameters
     ----------
     recordings, vehicle : sequence of Recording, Vehicle
-        As read.
+        Recordings and vehicle as read.
     below : float, optional
-        Keep the motion below this frequency (Hz) alone.
+        Keep only the motion below this frequency (Hz).
     car : str
         Name of the car, see :data:`bayes_asv.models.cars.CARS`.
 
     Returns
     -------
     recordings : tuple of PreparedRecording
-        Empty when a channel has nothing to lay out, or readings that are not its own.
+        Prepared recordings; empty if a channel has too few readings, or is stuck or a copy.
     reasons, warnings : tuple of str
-        Any reason means that the data cannot answer.
+        Messages; any reason means that the recordings are refused.
 
     Raises
     ------
     InputError
-        When a channel is in counts and the vehicle lacks its calibration, or the car's own
-        motion is not in the band.
+        If a channel is in counts without a calibration, or if the band does not contain the modes
+        of the car.
     """
     model = car_model(car, vehicle)
     if below is not None:
         check_band(below, model)
     reasons = [
-        why
+        reason
         for one in recordings
-        for why in dead_channels(one, vehicle, model) or stuck_channels(one, vehicle, model)
+        for reason in dead_channels(one, vehicle, model) or stuck_channels(one, vehicle, model)
     ]
     warnings = [w for recording in recordings for w in recording.warnings]
     if reasons:
         return (), tuple(reasons), tuple(warnings)
     prepared = tuple(prepare(recording, vehicle, model) for recording in recordings)
     for one in prepared:
-        why, notes = preflight(vehicle, one)
-        reasons += why
+        reason, notes = preflight(vehicle, one)
+        reasons += reason
         warnings += notes
     if below is not None and not reasons:
         short = [too_short(one, below) for one in prepared]
-        reasons += [why for why in short if why is not None]
+        reasons += [reason for reason in short if reason is not None]
         if not reasons:
             prepared = tuple(low_pass_recording(one, below) for one in prepared)
             warnings.append(f"only the motion below {below:g} Hz was used")

@@ -1,4 +1,4 @@
-"""Recordings as they are fitted: at their own rates, and long ones by their best events."""
+"""Selection of the recordings to fit: at their original rates, and the best events of long ones."""
 
 from __future__ import annotations
 
@@ -16,7 +16,7 @@ __all__ = ["nothing_in", "select_runs"]
 def select_runs(
     recordings: Sequence[Recording], vehicle: Vehicle, below: float | None = None, car: str = "half"
 ) -> tuple[tuple[Recording, ...], tuple[LogEvents, ...]]:
-    """Undo resampling, and take the best events of long recordings and all others whole.
+    """Undo resampling, and choose the best events of long recordings; others are used whole.
 
     Parameters
     ----------
@@ -26,32 +26,32 @@ def select_runs(
     Returns
     -------
     runs : tuple of Recording
-        In order; a long recording is replaced by its events in order of time.
+        Runs in order; a long recording is replaced by its events in order of time.
     logs : tuple of LogEvents
-        What was found in each long recording; empty where none is long.
+        Events of each long recording; empty if none is long.
     """
     model = car_model(car, vehicle)
     recordings = tuple(at_own_rate(recording) for recording in recordings)
     long = [is_long(recording, below) for recording in recordings]
     if not any(long):
         return recordings, ()
-    found = [
+    events_of_logs = [
         find_events(recording, vehicle, model, below)
-        for recording, cut in zip(recordings, long, strict=True)
-        if cut
+        for recording, is_cut in zip(recordings, long, strict=True)
+        if is_cut
     ]
-    rows = sum(len(one.time) for one, cut in zip(recordings, long, strict=True) if not cut)
-    logs = choose_events(found, rows, below)
+    rows = sum(len(one.time) for one, is_cut in zip(recordings, long, strict=True) if not is_cut)
+    logs = choose_events(events_of_logs, rows, below)
     of_log = iter(logs)
     runs: list[Recording] = []
-    for recording, cut in zip(recordings, long, strict=True):
-        events = next(of_log).events if cut else ()
-        runs += [event.recording for event in events if event.used] if cut else [recording]
+    for recording, is_cut in zip(recordings, long, strict=True):
+        events = next(of_log).events if is_cut else ()
+        runs += [event.recording for event in events if event.used] if is_cut else [recording]
     return tuple(runs), logs
 
 
 def nothing_in(log: LogEvents) -> str:
-    """Say that a log has no event to use, and why."""
+    """Message that a log has no usable event, and why."""
     source = log.recording.source or "the recording"
     reasons = list(dict.fromkeys(event.reason for event in log.events))
     if not reasons:

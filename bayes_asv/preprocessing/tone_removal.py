@@ -1,11 +1,11 @@
-"""Tones of an engine: found by their peaks, and cut out of all channels alike.
+"""Tones of an engine: detection of their spectral peaks, and removal from all channels.
 
-An engine shakes the frame at the multiples of half its speed.  Its tones are not only noise of
-the chassis: through dampers and tyres they are in the wheels' readings as well, where no road
-made them, so that the half car would explain a tone by a tone.  No colour of the chassis' noise
-mends that; what the data say in the band of a tone must not count at all.  A filter common to
-all channels leaves the linear relation between wheels and chassis as it is (so a notch does),
-and the noise in the notch is gone with the tone.
+An engine shakes the frame at multiples of half its speed.  Its tones are not only noise of the
+chassis: through dampers and tyres they also reach the wheel readings.  No road caused them there,
+but the half car would explain one tone by the other.  An autoregression of the chassis noise does
+not correct this; the data in the band of a tone must not be used at all.  A common notch filter on
+all channels does not change the linear relation between wheels and chassis, and removes the noise
+in its band along with the tone.
 """
 
 from __future__ import annotations
@@ -46,37 +46,36 @@ __all__ = [
 
 Array = NDArray[np.float64]
 
-MOST_TONES = 16
-_NARROWEST, _WIDEST = 2.0, 8.0  # Hz, half-width of a notch: it rings as long as it is narrow
-_WANDER = 0.05  # of its frequency that a tone wanders to either side
-# Idling engines turn at 600 rev/min and more, and fast ones at 15 000; what shakes a frame are
-# half orders (a cylinder of a four-stroke engine fires every other turn) up to the fourth.
-IDLE_FREQUENCY, _MOST_ORDER = 10.0, 4.0  # Hz; turns
+MOST_TONES = 16  # largest number of tones
+_NARROWEST, _WIDEST = 2.0, 8.0  # range of the half-width of a notch, Hz; a narrow one rings longer
+_WANDER = 0.05  # relative wander of a tone's frequency to either side
+# Lowest speed of an engine, Hz (600 rev/min), and highest order of its tones in cycles per turn;
+# half orders occur because a cylinder of a four-stroke engine fires every other turn.
+IDLE_FREQUENCY, _MOST_ORDER = 10.0, 4.0
 _ORDERS_OFF = 0.03  # relative error of the ratio of two tones of an engine
-_LOWEST = 0.5 * IDLE_FREQUENCY
-_NEAR_HALF_RATE = 0.95  # of half the rate: what is above is an image of slow motion
-_MOST_ROWS = 4  # rows after which the work of a logger repeats itself
-_MAX_WANDER = 1.5  # highest over lowest frequency of adjacent bands of one tone
-_ADJACENT = 2.6  # half-widths of a band, as far as the next one may be
-_MOMENT = 0.25  # s
-_AROUND = 1.5  # half-widths of a notch in which the persistence of a tone is judged
-_PERSISTENT = 0.55  # least median over mean energy of all moments, beyond noise
-_SEGMENT = 2.5  # s of a spectrum
-_NEIGHBOURS = 41  # lines of a spectrum whose median is the floor of the middle one
-_ALARM = 1e-4  # false tones a spectrum of white noise
-_LINES = 256  # of the filter's power, from zero to half the rate
-SETTLING_TIME_CONSTANTS = (
-    3.0  # time constants of the narrowest notch until it has forgotten its beginning
-)
+_LOWEST = 0.5 * IDLE_FREQUENCY  # lowest frequency of a tone, Hz
+# Highest frequency of a tone, relative to half the sampling rate; slow motion has images above it.
+_NEAR_HALF_RATE = 0.95
+_MOST_ROWS = 4  # longest period of a logger's own work, rows
+_MAX_WANDER = 1.5  # largest ratio of the frequencies of adjacent bands of one tone
+_ADJACENT = 2.6  # largest distance of adjacent bands, half-widths
+_MOMENT = 0.25  # length of the intervals over which persistence is tested, s
+_AROUND = 1.5  # bandwidth in which persistence is tested, half-widths of a notch
+_PERSISTENT = 0.55  # least median over mean energy of all intervals, beyond noise
+_SEGMENT = 2.5  # length of a segment of a spectrum, s
+_NEIGHBOURS = 41  # number of spectral lines whose median is the floor of the middle one
+_FALSE_TONES = 1e-4  # false tones per spectrum of white noise
+_LINES = 256  # number of frequencies of the filter's power, from zero to half the sampling rate
+SETTLING_TIME_CONSTANTS = 3.0  # settling time of filters, in time constants of the narrowest notch
 
 
 class Notch(NamedTuple):
-    """A band that is cut out.
+    """A band that is removed.
 
     Parameters
     ----------
     frequency, half_width : float
-        Hz; at half a width from the middle half of the power is left.
+        Centre and half-width, Hz; at a distance of the half-width, half of the power remains.
     """
 
     frequency: float
@@ -89,18 +88,18 @@ def notch_filter(notches: Sequence[Notch], rate: float) -> Array:
     Parameters
     ----------
     notches : sequence of Notch
-        Bands to cut out.
+        Bands to remove.
     rate : float
-        Samples a second, Hz.
+        Sampling rate, Hz.
 
     Returns
     -------
     (T, 6) array
-        As :func:`scipy.signal.sosfilt` takes them: zeros on the unit circle, poles behind them.
+        Sections for :func:`scipy.signal.sosfilt`, with zeros on the unit circle and poles inside.
     """
     out = np.tile([1.0, 0.0, 0.0, 1.0, 0.0, 0.0], (len(notches), 1))
     for k, notch in enumerate(notches):
-        if notch.frequency >= 0.5 * rate:  # filtered away, or folded to where nobody looks
+        if notch.frequency >= 0.5 * rate:  # beyond half the sampling rate
             continue
         angle = 2.0 * math.pi * notch.frequency / rate
         radius = math.exp(-2.0 * math.pi * notch.half_width / rate)
@@ -111,7 +110,7 @@ def notch_filter(notches: Sequence[Notch], rate: float) -> Array:
 
 
 def band_pass_filter(notch: Notch, rate: float) -> Array:
-    """Second-order sections (T, 6) that pass the band of a notch, at ``rate`` samples a second."""
+    """Second-order sections (T, 6) that pass the band of a notch; ``rate`` is the sampling rate."""
     from scipy.signal import butter
 
     edges = np.array([notch.frequency - notch.half_width, notch.frequency + notch.half_width])
@@ -120,34 +119,33 @@ def band_pass_filter(notch: Notch, rate: float) -> Array:
     return np.asarray(band, np.float64)
 
 
-def find_tones(nu: Array, rate: float, alarm: float = _ALARM) -> tuple[Notch, ...]:
+def find_tones(nu: Array, rate: float, alarm: float = _FALSE_TONES) -> tuple[Notch, ...]:
     """Find tones in the innovations of one run.
 
-    The line that stands out most of its neighbourhood is cut out, and what is left is searched
-    again.
+    The line that exceeds its neighbourhood most is removed, and the search is repeated.
 
     Parameters
     ----------
     nu : (R, n) array
         Normalised innovations of the accelerations of one run, in time order; nan where a reading
-        was missing.
+        is missing.
     rate : float
-        Groups of readings a second, Hz.
+        Groups of readings per second, Hz.
     alarm : float
-        False tones that a white record may show.
+        Expected number of false tones in white noise.
 
     Returns
     -------
     tuple of Notch
-        Empty when no line stands out by more than white records show that often.
+        Notches for the tones; empty if no line is significant.
     """
     from scipy.signal import sosfilt
 
     signal = np.nan_to_num(nu)
     notches: list[Notch] = []
     while signal.size and len(notches) < MOST_TONES:
-        left = sosfilt(notch_filter(notches, rate), signal, axis=0) if notches else signal
-        frequency = _peak(left, rate, alarm)
+        remaining = sosfilt(notch_filter(notches, rate), signal, axis=0) if notches else signal
+        frequency = _strongest_line(remaining, rate, alarm)
         if frequency is None:
             break
         notches.append(notch_of(frequency))
@@ -162,54 +160,56 @@ def engine_tones(
 ) -> tuple[Notch, ...]:
     """Select the tones that an engine can have.
 
-    An engine turns at 600 rev/min or more, whatever else the car does, so that at least one of its
-    tones is above 10 Hz, is present at most times, and covers a narrow band.  It is not tied to the
-    clock of the logger.  A mode of the car has a wide line, and no harmonics: a tone within such a
-    line is an engine's only if it has.
+    An engine always turns at 600 rev/min or more, so at least one of its tones is above 10 Hz, is
+    present at most times, and covers a narrow band.  It is not related to the clock of the logger.
+    A mode of the car has a wide line and no harmonics; a tone within such a line is that of an
+    engine only if it has harmonics.
 
     Parameters
     ----------
     tones : sequence of Notch
-        As found, the strongest first.
+        Tones, the strongest first.
     runs : sequence of (R, n) arrays
         Signals in which they were found.
     rate : float
-        Groups of readings a second, Hz.
+        Groups of readings per second, Hz.
     modes : sequence of (frequency, damping ratio)
         Modes of the car and of its wheels, Hz.
 
     Returns
     -------
     tuple of Notch
-        In the order given.
+        Tones of the engine, in the given order.
     """
     signals = [np.nan_to_num(run) for run in runs]
     longest = max((len(run) for run in signals), default=1)
     bin_width = rate / longest
 
-    def plain(tone: Notch) -> bool:
+    def is_engine_tone(tone: Notch) -> bool:
         f = tone.frequency
         if f < IDLE_FREQUENCY or f > _NEAR_HALF_RATE * 0.5 * rate:
             return False
         if any(abs(f - rate / rows) < 1.5 * bin_width for rows in range(2, _MOST_ROWS + 1)):
             return False
         beside = [
-            t for t in tones if _harmonic(t, tone, bin_width) and not _at_mode(t.frequency, modes)
+            t
+            for t in tones
+            if _is_harmonic(t, tone, bin_width) and not _is_at_mode(t.frequency, modes)
         ]
-        if _at_mode(f, modes) and not beside:
+        if _is_at_mode(f, modes) and not beside:
             return False
         return is_persistent(signals, tone, rate)
 
     if not tones or is_wide(tones):
         return ()
-    own = [tone for tone in tones if plain(tone)]
+    engine = [tone for tone in tones if is_engine_tone(tone)]
     return tuple(
         tone
         for tone in tones
         if any(
             abs(tone.frequency - one.frequency) < _ADJACENT * one.half_width
-            or _harmonic(tone, one, bin_width)
-            for one in own
+            or _is_harmonic(tone, one, bin_width)
+            for one in engine
         )
     )
 
@@ -230,13 +230,13 @@ def own_modes(car: CarModel, unsprung: Unsprung | None = None) -> list[tuple[flo
     return out
 
 
-def _at_mode(frequency: float, modes: Sequence[tuple[float, float]]) -> bool:
+def _is_at_mode(frequency: float, modes: Sequence[tuple[float, float]]) -> bool:
     """Whether a frequency is within the half-power band of a mode."""
     return any(abs(frequency - f) < ratio * f for f, ratio in modes)
 
 
-def _harmonic(tone: Notch, other: Notch, bin_width: float) -> bool:
-    """Whether two tones are different multiples of half a speed, as far as lines (Hz) tell."""
+def _is_harmonic(tone: Notch, other: Notch, bin_width: float) -> bool:
+    """Whether two tones are different multiples of half a speed, to within the resolution (Hz)."""
     orders = range(1, round(2.0 * _MOST_ORDER) + 1)
     return any(
         i != j
@@ -249,7 +249,7 @@ def _harmonic(tone: Notch, other: Notch, bin_width: float) -> bool:
 
 
 def is_wide(tones: Sequence[Notch]) -> bool:
-    """Whether the bands adjacent to the strongest are more than one tone that wanders."""
+    """Whether the bands adjacent to the strongest one are wider than one wandering tone."""
     low = high = tones[0].frequency
     for _ in tones:
         reach = _ADJACENT * notch_of(high).half_width
@@ -259,16 +259,16 @@ def is_wide(tones: Sequence[Notch]) -> bool:
 
 
 def is_persistent(runs: Sequence[Array], tone: Notch, rate: float) -> bool:
-    """Whether a tone is present at most times, and not in a few strong moments.
+    """Whether a tone is present at most times, and not in a few short bursts only.
 
     Parameters
     ----------
     runs : sequence of (R, n) arrays
         Normalised innovations, without gaps.
     tone : Notch
-        Where.
+        Band of the tone.
     rate : float
-        Groups of readings a second, Hz.
+        Groups of readings per second, Hz.
     """
     from scipy.signal import sosfiltfilt, sosfreqz
     from scipy.stats import chi2
@@ -287,19 +287,19 @@ def is_persistent(runs: Sequence[Array], tone: Notch, rate: float) -> bool:
     energy = np.concatenate(moments)
     if not len(energy):
         return False
-    # of noise in a moment, of all channels
+    # degrees of freedom of the noise of all channels in an interval
     freedom = 4.0 * runs[0].shape[1] * _AROUND * tone.half_width * _MOMENT
     median = float(np.median(energy)) - float(chi2(freedom).median()) / freedom
     return bool(median > _PERSISTENT * (float(np.mean(energy)) - 1.0))
 
 
 def notch_of(frequency: float) -> Notch:
-    """Return a notch as wide as a tone at a frequency (Hz) may wander."""
+    """Return a notch that covers the wander of a tone at a frequency (Hz)."""
     return Notch(frequency, min(max(_WANDER * frequency, _NARROWEST), _WIDEST))
 
 
 def main_tones(notches: Sequence[tuple[float, float]]) -> tuple[float, ...]:
-    """Frequencies (Hz) of the tones, rising, each once however many notches it took."""
+    """Frequencies (Hz) of the tones in rising order; several notches of one tone count once."""
     kept: list[float] = []
     for frequency, half_width in notches:  # the strongest came first
         if all(abs(frequency - other) > 2.0 * half_width for other in kept):
@@ -308,21 +308,21 @@ def main_tones(notches: Sequence[tuple[float, float]]) -> tuple[float, ...]:
 
 
 def notched(recording: PreparedRecording, notches: Sequence[Notch]) -> PreparedRecording:
-    """Cut bands out of all channels of a recording.
+    """Remove bands from all channels of a recording.
 
     Parameters
     ----------
     recording : PreparedRecording
-        A recording, laid out at full band.
+        A recording, prepared at full band.
     notches : sequence of Notch
-        Bands to cut out.
+        Bands to remove.
 
     Returns
     -------
     PreparedRecording
-        What is left once the filters have forgotten where the record began; what went by since
-        then is counted from there all the same.  A clipped chassis
-        reading is missing: a bound does not pass a filter.
+        The filtered recording, without the settling time of the filters; elapsed times still count
+        from the original beginning.  Clipped chassis readings are missing, since a bound does not
+        pass a filter.
     """
     from scipy.signal import sosfreqz
 
@@ -337,11 +337,11 @@ def notched(recording: PreparedRecording, notches: Sequence[Notch]) -> PreparedR
         else:
             at = recording.times[c, usable[c]]
             curve = CubicSpline(at, recording.values[c, usable[c]])
-        values[c, np.isin(recording.times[c], at)] = _cut(curve, at, rate, sections)
+        values[c, np.isin(recording.times[c], at)] = _filter_curve(curve, at, rate, sections)
     narrowest = min(notch.half_width for notch in notches)
     settled = max(recording.times[:, 0]) + SETTLING_TIME_CONSTANTS / (2.0 * math.pi * narrowest)
     wheels = tuple(
-        _wheel(wheel, values[c], recording.times[c], recording.clipped[c], settled)
+        _filtered_wheel(wheel, values[c], recording.times[c], recording.clipped[c], settled)
         for wheel, c in zip(recording.wheels, recording.inputs, strict=True)
     )
     railed = np.zeros(values.shape, bool)
@@ -365,16 +365,16 @@ def notched(recording: PreparedRecording, notches: Sequence[Notch]) -> PreparedR
     )
 
 
-def _peak(left: Array, rate: float, alarm: float) -> float | None:
-    """Frequency (Hz) of the line that stands out most, if any does."""
+def _strongest_line(signal: Array, rate: float, alarm: float) -> float | None:
+    """Frequency (Hz) of the most significant line; None if no line is significant."""
     from scipy.ndimage import median_filter
     from scipy.signal import welch
     from scipy.stats import f, gamma
 
-    n = min(len(left), round(_SEGMENT * rate))
-    # Half of a segment is the next one's: a Hann window makes that 0.55 of an independent one.
-    segments = max(1.0, 0.55 * (2.0 * len(left) / n - 1.0))
-    frequency, power = welch(left, rate, nperseg=n, noverlap=n // 2, axis=0)
+    n = min(len(signal), round(_SEGMENT * rate))
+    # with an overlap of one half and a Hann window, a segment is worth 0.55 independent ones
+    segments = max(1.0, 0.55 * (2.0 * len(signal) / n - 1.0))
+    frequency, power = welch(signal, rate, nperseg=n, noverlap=n // 2, axis=0)
     neighbours = min(_NEIGHBOURS, len(power) // 2 * 2 - 1)
     floor = median_filter(power, size=(neighbours, 1))
     half = neighbours // 2  # near its ends a spectrum has neighbours on one side only
@@ -382,14 +382,14 @@ def _peak(left: Array, rate: float, alarm: float) -> float | None:
     ratio = power / np.maximum(floor, 1e-12) * gamma(segments).median() / segments
     ratio[(frequency < _LOWEST) | (frequency > 0.5 * rate - 1.0)] = 0.0
     best, column = np.unravel_index(int(np.argmax(ratio)), ratio.shape)
-    # The floor is uncertain as well: a median is worth 0.64, Hann lines 0.67 of as many lines.
+    # the floor is uncertain as well: the efficiency of a median is 0.64, that of Hann lines 0.67
     degrees = 2.0 * segments
     limit = float(f(degrees, 0.4 * neighbours * degrees).isf(alarm / power.size))
     return float(frequency[best]) if ratio[best, column] > limit else None
 
 
-def _cut(curve: CubicSpline, at: Array, rate: float, sections: Array) -> Array:
-    """Filter a curve sampled at any times; at even ones nothing is interpolated."""
+def _filter_curve(curve: CubicSpline, at: Array, rate: float, sections: Array) -> Array:
+    """Filter a curve that is sampled at arbitrary times; even times need no interpolation."""
     from scipy.signal import sosfilt, sosfilt_zi
 
     grid = at[0] + np.arange(round((at[-1] - at[0]) * rate) + 1) / rate
@@ -400,16 +400,20 @@ def _cut(curve: CubicSpline, at: Array, rate: float, sections: Array) -> Array:
     return filtered if even else np.asarray(CubicSpline(grid, filtered)(at))
 
 
-def _wheel(
-    whole: WheelSignal, filtered: Array, times: Array, clipped: NDArray[np.bool_], settled: float
+def _filtered_wheel(
+    unfiltered: WheelSignal,
+    filtered: Array,
+    times: Array,
+    clipped: NDArray[np.bool_],
+    settled: float,
 ) -> WheelSignal:
     """Interpolate a filtered wheel once the filter has settled."""
-    there = np.isfinite(filtered) & (times >= settled)
-    knots, value = times[there], filtered[there]
+    usable = np.isfinite(filtered) & (times >= settled)
+    knots, value = times[usable], filtered[usable]
     deviation = interpolation_sd(knots, value)
     middle = 0.5 * (knots[1:] + knots[:-1])
-    at = np.clip(np.searchsorted(whole.knots, middle) - 1, 0, len(whole.sd) - 1)
-    # Beside a clipped sample more is unknown than the sharpness of the curve tells.
-    beside = clipped[there][1:] | clipped[there][:-1]
-    deviation = np.where(beside, np.maximum(deviation, whole.sd[at]), deviation)
+    at = np.clip(np.searchsorted(unfiltered.knots, middle) - 1, 0, len(unfiltered.sd) - 1)
+    # beside a clipped sample, the uncertainty is larger than that from the sharpness of the curve
+    beside = clipped[usable][1:] | clipped[usable][:-1]
+    deviation = np.where(beside, np.maximum(deviation, unfiltered.sd[at]), deviation)
     return WheelSignal(CubicSpline(knots, value), knots, deviation)

@@ -1,9 +1,8 @@
 """Spline interpolation of the measured wheel accelerations.
 
-A straight line between two samples is not what the wheel did: with straight lines the claimed
-intervals were two to four times too narrow on sharp bumps, with a cubic spline they were
-honest.  The spline enters the half car through its exact moments over each step,
-∫ (h−s)ʲ/j! u(s) ds, which do not depend on the car and are computed once.
+With linear interpolation, intervals were two to four times too narrow on sharp bumps; with a cubic
+spline, their coverage was correct.  The spline enters the half car through its exact moments over
+each step, ∫ (h−s)ʲ/j! u(s) ds, which do not depend on the car and are computed once.
 """
 
 from __future__ import annotations
@@ -30,11 +29,12 @@ __all__ = [
 Array = NDArray[np.float64]
 Flags = NDArray[np.bool_]
 
-# Between two samples of a jump that passed a one-pole filter, the integral of a cubic spline
-# errs by 0.14 – 0.16 of what the spline errs when it leaves one sample out, root mean square
-# over the place of the jump, at 200 to 800 Hz behind 50 Hz (kinks err less, bare jumps more).
+# Error of the integral of a cubic spline between two samples, relative to the leave-one-out error
+# of the spline: 0.14 – 0.16 (rms over the position of the edge) for a jump behind a one-pole filter
+# of 50 Hz, sampled at 200 to 800 Hz.  Kinks have smaller errors, unfiltered jumps larger ones.
 JUMP_SHARE = 0.15
-NOISE_MARGIN = 6.0  # variances of the noise's own misses that are not taken for an edge
+# Squared leave-one-out error that noise explains, in variances of that error by noise alone.
+NOISE_MARGIN = 6.0
 
 
 class WheelSignal(NamedTuple):
@@ -47,8 +47,8 @@ class WheelSignal(NamedTuple):
     knots : (K,) array
         Times of those samples, s.
     sd : (K - 1,) array
-        Deviation (m/s²) of the mean of û over each interval for what happened between the
-        samples: a spline cannot know where in the interval an edge was.
+        Standard deviation (m/s²) of the interpolation error of the mean of û over each interval: a
+        spline cannot know where in the interval an edge was.
     """
 
     spline: CubicSpline
@@ -57,22 +57,22 @@ class WheelSignal(NamedTuple):
 
 
 def match_bandwidths(time: Array, signal: Array, bandwidth: float, target: float) -> Array:
-    """Pass a signal on from its sensor's one-pole filter to a slower one.
+    """Replace the one-pole filter of a signal's sensor by a slower one.
 
-    A common filter on inputs and outputs leaves a linear relation as it is; sensors of
-    different bandwidth do not.  Filtering with (1 + s/ω) / (1 + s/ω₀) makes them equal.
+    A common filter on inputs and outputs does not change a linear relation; sensors of different
+    bandwidths do.  Filtering with (1 + s/ω) / (1 + s/ω₀) makes the bandwidths equal.
 
     Parameters
     ----------
     time, signal : (N,) arrays
-        Times (s) and samples; straight lines between them.
+        Times (s) and samples, interpolated linearly.
     bandwidth, target : float
-        Pole of the sensor that took the signal, and of the common filter, Hz.
+        Corner frequencies of the sensor and of the common filter, Hz.
 
     Returns
     -------
     (N,) array
-        What a sensor with the target's bandwidth would have read.
+        Readings of a sensor with the target bandwidth.
     """
     if bandwidth <= target * (1.0 + 1e-9):
         return signal
@@ -84,9 +84,9 @@ def match_bandwidths(time: Array, signal: Array, bandwidth: float, target: float
 
 
 def interpolation_sd(time: Array, signal: Array) -> Array:
-    """Deviation of an interval's mean acceleration for what happened between its samples.
+    """Return the standard deviation of the interpolation error of an interval's mean acceleration.
 
-    Each sample is predicted by the cubic through its four neighbours.  What that misses, less
+    Each sample is predicted by the cubic through its four neighbours.  The prediction error, less
     the share of the noise, measures how sharp the signal is there.
 
     Parameters
@@ -97,10 +97,10 @@ def interpolation_sd(time: Array, signal: Array) -> Array:
     Returns
     -------
     (K - 1,) array
-        Deviation, m/s².
+        Standard deviation, m/s².
     """
     n = len(time)
-    missed = np.zeros(n)
+    squared_error = np.zeros(n)
     if n >= 5:
         t = [time[j : n - 4 + j] for j in range(5)]
         predicted = np.zeros(n - 4)
@@ -110,12 +110,12 @@ def interpolation_sd(time: Array, signal: Array) -> Array:
                 if other != j:
                     weight *= (t[2] - t[other]) / (t[j] - t[other])
             predicted += weight * signal[j : n - 4 + j]
-        missed[2:-2] = (signal[2:-2] - predicted) ** 2
-        # The quiet quarter of the record shows what noise alone gives: of a χ²(1) variable
-        # the lower quartile is 0.1015.
-        noise = float(np.quantile(missed[2:-2], 0.25)) / 0.1015
-        missed = np.maximum(missed - NOISE_MARGIN * noise, 0.0)
-    padded = np.concatenate([missed[:1], missed, missed[-1:]])
+        squared_error[2:-2] = (signal[2:-2] - predicted) ** 2
+        # noise level from the quarter with the smallest errors: the lower quartile of χ²(1) is
+        # 0.1015
+        noise = float(np.quantile(squared_error[2:-2], 0.25)) / 0.1015
+        squared_error = np.maximum(squared_error - NOISE_MARGIN * noise, 0.0)
+    padded = np.concatenate([squared_error[:1], squared_error, squared_error[-1:]])
     local = 0.25 * (padded[:-3] + padded[1:-2] + padded[2:-1] + padded[3:])
     return np.asarray(JUMP_SHARE * np.sqrt(local))
 
@@ -135,24 +135,24 @@ def wheel_signal(time: Array, signal: Array, low: Flags, high: Flags) -> WheelSi
     Returns
     -------
     WheelSignal
-        A clipped sample is put where its neighbours point, though never inside the rail, and
-        its interval gets a deviation as large as that excursion.
+        A clipped sample is extrapolated from its neighbours, but not to inside the rail, and its
+        intervals get a standard deviation as large as that excursion.
     """
-    there = np.isfinite(signal)
-    clipped = there & (low | high)
-    plain = there & ~clipped
+    finite = np.isfinite(signal)
+    clipped = finite & (low | high)
+    unclipped = finite & ~clipped
     value = signal.copy()
     if clipped.any():
-        guess = CubicSpline(time[plain], signal[plain])(time[clipped])
+        guess = CubicSpline(time[unclipped], signal[unclipped])(time[clipped])
         beyond = np.where(high[clipped], 1.0, -1.0) * (guess - signal[clipped])
-        # A spline over a wide gap can point anywhere: never further than the rail itself.
+        # a spline over a wide gap is unreliable: limit the excursion to the value of the rail
         beyond = np.clip(beyond, 0.0, np.abs(signal[clipped]))
         value[clipped] += np.where(high[clipped], beyond, -beyond)
-    knots, value = time[there], value[there]
+    knots, value = time[finite], value[finite]
     deviation = interpolation_sd(knots, value)
     if clipped.any():
-        excess = np.abs(value - signal[there])
-        reach = np.where(clipped[there], np.maximum(excess, 0.1 * np.abs(value)), 0.0)
+        excess = np.abs(value - signal[finite])
+        reach = np.where(clipped[finite], np.maximum(excess, 0.1 * np.abs(value)), 0.0)
         deviation = np.maximum(deviation, 0.5 * (reach[:-1] + reach[1:]))
     return WheelSignal(CubicSpline(knots, value), knots, deviation)
 
@@ -172,14 +172,13 @@ def moments(signal: WheelSignal, instants: Array, order: int) -> Array:
     Returns
     -------
     (N, order) array
-        Row k belongs to the step that ends at instant k; row 0 is zero.  Checked against
-        adaptive quadrature in the tests.
+        Moments; row k belongs to the step that ends at instant k, and row 0 is zero.
     """
     n = len(instants)
     inside = signal.knots[(signal.knots > instants[0]) & (signal.knots < instants[-1])]
     edges = np.union1d(instants, inside)
     left, right = edges[:-1], edges[1:]
-    # On a piece û is cubic and the weight of degree below `order`: Gauss–Legendre is exact.
+    # each piece is a cubic times a weight of degree below `order`: Gauss–Legendre is exact
     nodes, weights = np.polynomial.legendre.leggauss((order + 4) // 2 + 1)
     half = 0.5 * (right - left)
     t = (0.5 * (left + right))[:, None] + half[:, None] * nodes
