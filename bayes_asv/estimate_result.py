@@ -1,4 +1,4 @@
-"""What an estimation finds: the posterior of a car, and how it explains each recording."""
+"""Result of an estimation: the posterior of a car, and its fit to each recording."""
 
 from __future__ import annotations
 
@@ -39,24 +39,24 @@ Progress = Callable[[float, str], None]
 
 @dataclass(frozen=True)
 class RunFit:
-    """How one recording was explained at the centre of the posterior.
+    """Fit to one recording at the posterior mean.
 
     Parameters
     ----------
     recording : Recording
-        As read.
+        Recording as read.
     prepared : PreparedRecording
-        The same, laid out.
+        The prepared recording.
     free : FreeRun
-        Simulation from the wheels alone at the mean of the posterior's coordinates.
+        Simulation from the wheels alone, at the posterior mean of the coordinates.
     ensemble : (S, E, ny) array
         Outputs of the simulation for S draws of the posterior, m/s².
     travel, velocity : (S, E, ne) arrays
         Deflections for the same draws, m, and their rates, m/s.
     innovations : (E, ny) array
-        Normalised innovations after the colour was taken out; nan where there was no reading.
+        Normalised innovations, whitened by the residual autoregression; nan without a reading.
     residual_ar : ResidualAR
-        Colour that the innovations had.
+        Residual autoregression.
     checks : tuple of Check
         Posterior predictive checks.
     """
@@ -74,62 +74,69 @@ class RunFit:
 
 @dataclass(frozen=True)
 class EstimationResult:
-    """A posterior and what it stands on.
+    """A posterior with its diagnostics.
 
     Parameters
     ----------
     verdict : str
         ``ok``, ``not_converged`` or ``refused``.
     reasons, warnings : tuple of str
-        Why it was refused; what to know otherwise.
+        Reasons for a refusal, and warnings.
     vehicle : Vehicle
-        The car as given.
+        Declared vehicle and sensors.
     car : CarModel
         Its model.
+    recordings : tuple of Recording
+        Recordings as read.
     draws : dict of str to (4, S) array
-        Draws of every parameter of the model that is not exact and of what is derived from them,
-        SI units, one row an ensemble; empty when refused.
+        Draws of every parameter of the model that is not exact, and of quantities derived from
+        them, SI units, one row per ensemble; empty if refused.
     nuisance : dict of str to (4, S) array
-        Draws of noise deviations (m/s²) and of the filtered share of the noise's variance.
+        Draws of noise levels (SI units), gains, clock errors, and filtered shares of the noise
+        variance.
     log_posterior : (4, S) array
-        Not normalised; of several runs as :mod:`bayes_asv.posterior.shared_posterior` has it.
+        Log posterior of the draws, not normalised; with several runs, see
+        :mod:`bayes_asv.posterior.shared_posterior`.
     rhat_max, ess_bulk_min, ess_tail_min : float
-        Worst of all coordinates; nan when refused.
+        R̂ and effective sample sizes of the worst coordinate; nan if refused.
+    acceptance : float
+        Mean share of accepted proposals; nan for independent draws.
     runs : tuple of RunFit
-        One a recording; empty when refused.
+        Fit to each recording; empty if refused.
     space : ParameterSpace or None
         Coordinates and priors.
     uncertainty_budget : UncertaintyBudget or None
-        What makes each answer as wide as it is; only with an answer, and only when runs agree.
+        Uncertainty budget of the parameters of interest; None if refused or if runs are
+        inconsistent.
     run_consistency : RunConsistency or None
-        One run against another; None with a single run.  Where it says ``disagree`` the draws
-        are those of its mean car, and each run is explained at its own posterior.
+        Comparison of runs; None with a single run.  If its verdict is ``disagree``, the draws are
+        those of its mean car, and each run has the fit of its own posterior.
     pooled_draws : dict of str to array
-        Draws of the same car if all runs were alike; empty unless they disagree.
+        Draws of the car if all runs share it; empty unless runs are inconsistent.
     likelihood : str
-        Which likelihood was used: ``coloured`` in a band where the sensors' noise does not
-        explain what is left.
+        Likelihood that was used: ``coloured`` in a band if sensor noise does not explain the
+        residuals.
     below : float or None
-        Upper edge of the band that was used, Hz; None at full band.
+        Upper edge of the band, Hz; None at full band.
     effects : dict of PlacedEffect to dict of str to array
         Draws of the parameters of every effect in the model, SI units.
     dampers : tuple of DampingRates
         Rates of every damper whose force is not proportional to speed.
     springs : tuple of SpringCurve
-        Curves of every spring that has a free one.
-    input_check : Doubt or None
-        Why the input is probably wrong or the model does not hold, so that no verdict on a damper
-        may rest on this estimate; None where nothing speaks against it.
+        Free curves of springs.
+    input_check : InputCheck or None
+        Why the estimate supports no verdict on a damper: the input is probably wrong, or the model
+        does not fit.  None if nothing argues against it.
     long_logs : tuple of LogEvents
-        What was found in recordings that are too long to be taken whole, one each; the runs are
-        then the events that were used.
+        Events of recordings that are too long to be used whole; the runs are then the events that
+        were used.
     seconds : float
-        Time it took.
+        Computing time.
     seed : int
-        Of the draws.
+        Seed of the draws.
     sampler : str
-        How the draws were made: ``ensembles`` of emcee, ``weighted draws``, ``normal
-        approximation`` at a mode that the model's error moves, or ``random effects``.
+        Method of the draws: ``ensembles`` of emcee, ``weighted draws``, ``normal approximation`` at
+        the mode with model error, or ``random effects``.
     """
 
     verdict: str
@@ -163,25 +170,25 @@ class EstimationResult:
 
     @property
     def count(self) -> int:
-        """Number of draws in all."""
+        """Total number of draws."""
         return int(next(iter(self.draws.values())).size) if self.draws else 0
 
     @property
     def estimands(self) -> tuple[str, ...]:
-        """Names of the draws that were asked for: all but those of the given values."""
+        """Names of the parameters of interest: all draws except those of given values."""
         given = {p.name for p in self.car.parameters if p.kind != "estimated"}
         return tuple(name for name in self.draws if name not in given)
 
     @property
     def nominal(self) -> dict[str, float]:
-        """Nominal value of each parameter and of what is derived from them, SI units."""
+        """Nominal value of each parameter and derived quantity, SI units."""
         values = self.car.nominal
         derived = {} if self.car.derived is None else self.car.derived(values)
         return {name: float(x[0]) for name, x in {**values, **derived}.items()}
 
     @cached_property
     def nominal_damping(self) -> NominalDamping | None:
-        """Whether nominal damping is mistaken; None where there is no verdict on the dampers."""
+        """Possible mistakes in nominal damping; None if there is no verdict on the dampers."""
         rates = {element.damping for element in self.car.elements}
         if self.input_check is not None or not rates <= set(self.draws):
             return None
@@ -189,7 +196,7 @@ class EstimationResult:
         return nominal_damping(self.car, values)
 
     def probability_below_nominal(self, name: str) -> float:
-        """Return the probability that a quantity is below nominal, which may be mistaken."""
+        """Return the probability that a quantity is below nominal, allowing for a mistake."""
         p = float(np.mean(self.draws[name] < self.nominal[name]))
         return (
             p if self.nominal_damping is None else self.nominal_damping.probability_below(name, p)

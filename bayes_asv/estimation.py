@@ -55,8 +55,9 @@ Progress = Callable[[float, str], None]
 
 LIKELIHOODS = ("innovations", "output-error")
 
-_STEPS_IN_DOUBT = 120  # of the sampler, for an input that has to be corrected first anyway
-_APART = (4, 2500)  # draws where runs do not agree: independent, in as many rows as ensembles
+_STEPS_IN_DOUBT = 120  # largest number of sampler steps if the input has to be corrected anyway
+# Shape of independent draws (random effects, or a normal approximation): rows as for ensembles.
+_INDEPENDENT_DRAWS = (4, 2500)
 
 
 def estimate(
@@ -70,22 +71,22 @@ def estimate(
     placed_effects: tuple[PlacedEffect, ...] = (),
     car: str = "half",
 ) -> EstimationResult:
-    """Posterior of a car's damping rates and inertias from one or several of its recordings.
+    """Estimate a car's damping rates and inertias from one or several of its recordings.
 
     Parameters
     ----------
     recordings : sequence of Recording
         Runs of the same car; each has its own biases, initial state and noise.
     vehicle : Vehicle
-        Nominal and known values with their deviations.
+        Nominal and given values with their standard deviations.
     likelihood : {'innovations', 'output-error'}
         With the noise of the wheel sensors in the covariance, or with white residuals.
     below : float, optional
-        Use the motion below this frequency (Hz) alone.
+        Use only the motion below this frequency (Hz).
     seed : int
-        Same seed, same answer.
+        Seed of all draws.
     progress : callable, optional
-        Told the share done and a few words.
+        Called with the share done and a short text.
     placed_effects : tuple of PlacedEffect
         Effects that the car and its sensors have.
     car : str
@@ -94,13 +95,13 @@ def estimate(
     Returns
     -------
     EstimationResult
-        Refusal and lack of convergence are verdicts in it, not exceptions.
+        Refusal and lack of convergence are verdicts in the result, not exceptions.
 
     Raises
     ------
     InputError
-        When a channel is in counts and the vehicle lacks its calibration, or the car's own
-        motion is not below the frequency.
+        If a channel is in counts without a calibration, or if the band does not contain the modes
+        of the car.
     ValueError
         For an unknown likelihood or no recording.
     """
@@ -108,7 +109,7 @@ def estimate(
         raise ValueError(f"likelihood must be one of {', '.join(LIKELIHOODS)}")
     if not recordings:
         raise ValueError("at least one recording is needed")
-    began = time.perf_counter()
+    start_time = time.perf_counter()
     runs, logs = select_runs(recordings, vehicle, below, car)
     if not logs:
         return _estimate_runs(runs, vehicle, likelihood, below, seed, progress, placed_effects, car)
@@ -116,25 +117,25 @@ def estimate(
     empty = tuple(nothing_in(log) for log in logs if not any(event.used for event in log.events))
     warnings = tuple(text for log in logs for text in log.recording.warnings)
     if not runs:
-        found = EstimationResult(
+        result = EstimationResult(
             "refused", empty, (), vehicle, model, (), likelihood, seed, 0.0, below=below
         )
     else:
-        found = _estimate_runs(
+        result = _estimate_runs(
             runs, vehicle, likelihood, below, seed, progress, placed_effects, car
         )
         warnings += empty
     return replace(
-        found,
+        result,
         recordings=tuple(recordings),
-        warnings=(*warnings, *found.warnings),
+        warnings=(*warnings, *result.warnings),
         long_logs=logs,
-        seconds=time.perf_counter() - began,
+        seconds=time.perf_counter() - start_time,
     )
 
 
 class _Task(NamedTuple):
-    """What is asked for, of recordings that are taken whole."""
+    """Arguments of an estimate from recordings that are used whole."""
 
     recordings: Sequence[Recording]
     vehicle: Vehicle
@@ -145,31 +146,32 @@ class _Task(NamedTuple):
     placed_effects: tuple[PlacedEffect, ...]
     progress: Progress | None
 
-    def tell(self, share: float, words: str) -> None:
+    def report(self, share: float, words: str) -> None:
         """Report progress."""
         if self.progress is not None:
             self.progress(share, words)
 
 
 class _ModeAndChecks(NamedTuple):
-    """What is known before anything is sampled.
+    """Mode and checks before sampling.
 
     Parameters
     ----------
     map_fit : MapFit or None
-        The mode; None where nothing could be fitted, or the runs do not agree.
+        The mode; None if nothing could be fitted, or if the runs are inconsistent.
     run_consistency : RunConsistency or None
-        Comparison of the runs, where there are several.
+        Comparison of the runs, if there are several.
     timed : ClockAlignment or None
-        The recordings with their clocks compared, where errors of clocks are declared.
+        The recordings with aligned clocks, if clock errors are declared.
     prepared : bool
-        Whether there are recordings to look at.
+        Whether the recordings could be prepared.
     reasons, warnings, notes : tuple of str
-        Any reason means that the data cannot answer; notes follow the warnings of the fit.
+        Messages; any reason means that the estimate is refused, and notes follow the warnings of
+        the fit.
     model_error : (D, D) array or None
-        Covariance of what the mode may be off because of the model; None where it lacks nothing.
-    input_check : Doubt or None
-        Whether an input is wrong.
+        Covariance of the mode's error due to model misfit; None without misfit.
+    input_check : InputCheck or None
+        Result of the input check.
     """
 
     map_fit: MapFit | None
@@ -193,123 +195,140 @@ def _estimate_runs(
     placed_effects: tuple[PlacedEffect, ...],
     car: str,
 ) -> EstimationResult:
-    """Estimate from recordings that are taken whole."""
-    began = time.perf_counter()
+    """Estimate from recordings that are used whole."""
+    start_time = time.perf_counter()
     model = car_model(car, vehicle)
-    clocks, placed_effects = _clocks(recordings, vehicle, placed_effects)
+    clocks, placed_effects = _split_clocks(recordings, vehicle, placed_effects)
     task = _Task(recordings, vehicle, model, likelihood, below, seed, placed_effects, progress)
-    with ThreadPoolExecutor(1) as other:
-        # The sampler takes a while to load; compiled code fits in the meantime.
-        loading = other.submit(importlib.import_module, "bayes_asv.posterior.sampler")
-        fit = _checked(task, _fit(task, clocks))
+    with ThreadPoolExecutor(1) as executor:
+        # the sampler takes a while to load, while compiled code computes the fit
+        loading = executor.submit(importlib.import_module, "bayes_asv.posterior.sampler")
+        fit = _add_checks(task, _fit_runs(task, clocks))
         sampler = loading.result()
     if fit.run_consistency is not None and fit.map_fit is None and not fit.reasons:
-        task.tell(0.9, "the runs do not agree")
-        answer = _estimate_random_effects(
+        task.report(0.9, "the runs do not agree")
+        result = _estimate_random_effects(
             fit.run_consistency, recordings, vehicle, fit.warnings, seed, sampler
         )
     elif fit.reasons or fit.map_fit is None:
-        mistaken = (
+        mistakes = (
             (fit.input_check.sentence,)
             if fit.input_check is not None and fit.input_check.mistakes
             else ()
         )
-        answer = EstimationResult(
-            "refused", (*mistaken, *fit.reasons), fit.warnings, vehicle, model, tuple(recordings),
+        result = EstimationResult(
+            "refused", (*mistakes, *fit.reasons), fit.warnings, vehicle, model, tuple(recordings),
             likelihood, seed, 0.0, run_consistency=fit.run_consistency, below=below,
         )  # fmt: skip
     else:
-        answer = _sampled(task, fit, fit.map_fit, sampler)
-    task.tell(1.0, "done")
-    return replace(answer, input_check=fit.input_check, seconds=time.perf_counter() - began)
+        result = _sample(task, fit, fit.map_fit, sampler)
+    task.report(1.0, "done")
+    return replace(result, input_check=fit.input_check, seconds=time.perf_counter() - start_time)
 
 
-def _fit(task: _Task, clocks: tuple[Clock, ...]) -> _ModeAndChecks:
-    """Prepare the recordings, and find the mode of what they have in common."""
+def _fit_runs(task: _Task, clocks: tuple[Clock, ...]) -> _ModeAndChecks:
+    """Prepare the recordings, and find the mode of their joint posterior."""
     vehicle, likelihood, placed_effects = task.vehicle, task.likelihood, task.placed_effects
     prepared, reasons, warnings = prepare_runs(task.recordings, vehicle, task.below, task.car.name)
     if reasons:
         return _ModeAndChecks(None, None, None, bool(prepared), reasons, warnings)
-    task.tell(0.0, "checking what the recordings can tell")
+    task.report(0.0, "checking what the recordings can tell")
     unidentified = unidentified_before_fit(prepared, vehicle)
-    timed, agreement = None, None
+    timed, run_consistency = None, None
     if clocks:
-        task.tell(0.0, "comparing the clocks")
+        task.report(0.0, "comparing the clocks")
         timed = align_clocks(
             task.recordings, vehicle, clocks, task.below, task.car.name, likelihood
         )
         prepared = timed.prepared
     ambiguity = () if timed is None or timed.ambiguity is None else (timed.ambiguity,)
-    task.tell(0.0, "looking for the best fit")
+    task.report(0.0, "looking for the best fit")
     if (
         len(prepared) > 1
-        and likelihood == "innovations"  # the other form claims too much
+        and likelihood == "innovations"  # intervals of the other one are too narrow
         and not placed_effects
         and len(task.car.estimated) <= MAX_COMPARED
     ):
-        alone = [fit_single_run(one, vehicle, task.seed) for one in prepared]
-        agreement = compare_runs(alone, math.prod(_APART), task.seed)
-    if agreement is not None and agreement.fit_separately:
-        warnings += agreement.warnings
+        single_runs = [fit_single_run(one, vehicle, task.seed) for one in prepared]
+        run_consistency = compare_runs(single_runs, math.prod(_INDEPENDENT_DRAWS), task.seed)
+    if run_consistency is not None and run_consistency.fit_separately:
+        warnings += run_consistency.warnings
         notes = (*unidentified, *ambiguity)
-        return _ModeAndChecks(None, agreement, timed, True, agreement.reasons, warnings, notes)
-    found = (
+        return _ModeAndChecks(
+            None, run_consistency, timed, True, run_consistency.reasons, warnings, notes
+        )
+    map_fit = (
         best_fit(prepared, vehicle, likelihood, placed_effects)
         if timed is None
         else fit_aligned(timed, placed_effects)
     )
-    # At the mode the same is known better than at nominal values.
-    notes = (*(() if found.mode.converged else unidentified), *ambiguity)
-    return _ModeAndChecks(found, agreement, timed, True, found.reasons, warnings, notes)
+    # identifiability at the mode replaces that at nominal values
+    notes = (*(() if map_fit.mode.converged else unidentified), *ambiguity)
+    return _ModeAndChecks(map_fit, run_consistency, timed, True, map_fit.reasons, warnings, notes)
 
 
-def _checked(task: _Task, fit: _ModeAndChecks) -> _ModeAndChecks:
+def _add_checks(task: _Task, fit: _ModeAndChecks) -> _ModeAndChecks:
     """Check the model and the input at the mode."""
-    found, error, doubt = fit.map_fit, None, None
-    whole = task.below is None and task.likelihood == "innovations" and fit.timed is None
-    if whole and found is not None and (found.misfit_reasons or task.placed_effects):
-        found, error = _with_model_error(found, task.vehicle)
-    reasons = fit.reasons if found is None else found.reasons
+    map_fit, error, input_check = fit.map_fit, None, None
+    full_likelihood = task.below is None and task.likelihood == "innovations" and fit.timed is None
+    if full_likelihood and map_fit is not None and (map_fit.misfit_reasons or task.placed_effects):
+        map_fit, error = _refit_with_model_error(map_fit, task.vehicle)
+    reasons = fit.reasons if map_fit is None else map_fit.reasons
     if task.below is None and not task.placed_effects and fit.prepared:
-        task.tell(0.05, "checking the input")
+        task.report(0.05, "checking the input")
         at_mode = task.recordings if fit.timed is None else fit.timed.recordings
-        doubt = check_input(at_mode, task.vehicle, task.car.name, refused=bool(reasons))
-    if whole and found is not None and error is None and doubt and not doubt.model_holds:
-        found, error = _with_model_error(found, task.vehicle)
-    own = () if found is None else found.warnings
+        input_check = check_input(at_mode, task.vehicle, task.car.name, refused=bool(reasons))
+    if (
+        full_likelihood
+        and map_fit is not None
+        and error is None
+        and input_check
+        and not input_check.model_holds
+    ):
+        map_fit, error = _refit_with_model_error(map_fit, task.vehicle)
+    fit_warnings = () if map_fit is None else map_fit.warnings
     if fit.timed is not None and fit.timed.ambiguity is not None:
-        doubt = doubt or InputCheck((), fit.timed.ambiguity)
+        input_check = input_check or InputCheck((), fit.timed.ambiguity)
     return fit._replace(
-        map_fit=found,
+        map_fit=map_fit,
         reasons=reasons,
-        warnings=(*fit.warnings, *own, *fit.notes),
+        warnings=(*fit.warnings, *fit_warnings, *fit.notes),
         model_error=error,
-        input_check=doubt,
+        input_check=input_check,
     )
 
 
-def _sampled(
-    task: _Task, fit: _ModeAndChecks, found: MapFit, sampler: ModuleType
+def _sample(
+    task: _Task, fit: _ModeAndChecks, map_fit: MapFit, sampler: ModuleType
 ) -> EstimationResult:
-    """Draw from the posterior around its mode, and compute what is reported of it."""
-    seed, space, posterior, doubt = task.seed, found.space, found.posterior, fit.input_check
-    warnings = fit.warnings if doubt is None else (doubt.sentence, *fit.warnings)
-    task.tell(0.1, "sampling")
+    """Draw from the posterior around its mode, and compute the reported quantities."""
+    seed, space, posterior, input_check = (
+        task.seed,
+        map_fit.space,
+        map_fit.posterior,
+        fit.input_check,
+    )
+    warnings = fit.warnings if input_check is None else (input_check.sentence, *fit.warnings)
+    task.report(0.1, "sampling")
     if fit.model_error is not None:
-        rng, spread = np.random.default_rng([seed, 29]), found.mode.covariance + fit.model_error
-        cars = draw_cars(space, found.mode.z, spread, math.prod(_APART), rng)
-        ensembles = sampler.independent_draws(posterior, cars.reshape(*_APART, -1))
+        rng, spread = np.random.default_rng([seed, 29]), map_fit.mode.covariance + fit.model_error
+        cars = draw_cars(space, map_fit.mode.z, spread, math.prod(_INDEPENDENT_DRAWS), rng)
+        ensembles = sampler.independent_draws(posterior, cars.reshape(*_INDEPENDENT_DRAWS, -1))
     else:
-        # the parameters of a force law are too far from linear for an expansion at the mode
+        # the expansion in clock errors is too inaccurate for nonlinear force laws
         exact_form = fit.timed is None or bool(task.placed_effects)
         ensembles = sampler.sample_posterior(
-            posterior if exact_form else posterior.expanded(found.mode.z, found.mode.covariance),
-            found.mode,
+            posterior
+            if exact_form
+            else posterior.expanded(map_fit.mode.z, map_fit.mode.covariance),
+            map_fit.mode,
             seed,
             None
             if task.progress is None
-            else lambda share, words: task.tell(0.1 + 0.85 * share, words),
-            _STEPS_IN_DOUBT if doubt is not None and doubt.mistakes else sampler.MAX_STEPS,
+            else lambda share, words: task.report(0.1 + 0.85 * share, words),
+            _STEPS_IN_DOUBT
+            if input_check is not None and input_check.mistakes
+            else sampler.MAX_STEPS,
         )
     if any(placed.effect.free_form for placed in task.placed_effects):
         ensembles = ensembles.thinned(MAX_DRAWS)
@@ -323,10 +342,10 @@ def _sampled(
             f"{min(ensembles.ess_bulk_min, ensembles.ess_tail_min):.0f}); do not trust the "
             "intervals: the recordings may hold motion that the model does not describe",
         )
-    dampers = damping_rates(posterior, found.mode.z, flat, draws)
-    warnings += tuple(_no_single_rate(damper) for damper in dampers if damper.free_form)
+    dampers = damping_rates(posterior, map_fit.mode.z, flat, draws)
+    warnings += tuple(_free_curve_warning(damper) for damper in dampers if damper.free_form)
     clocks_known = fit.timed is None or not any(fit.timed.modes)
-    exact = clocks_known and not task.placed_effects and fit.model_error is None
+    is_linear = clocks_known and not task.placed_effects and fit.model_error is None
     return EstimationResult(
         verdict="ok" if ensembles.converged else "not_converged",
         reasons=(),
@@ -350,13 +369,13 @@ def _sampled(
             for run, recording in enumerate(task.recordings)
         ),
         space=space,
-        uncertainty_budget=find_budget(posterior, found.mode, task.vehicle)
-        if ensembles.converged and exact
+        uncertainty_budget=find_budget(posterior, map_fit.mode, task.vehicle)
+        if ensembles.converged and is_linear
         else None,
         run_consistency=fit.run_consistency,
         below=task.below,
         dampers=dampers,
-        springs=spring_curves(posterior, found.mode.z, flat, draws),
+        springs=spring_curves(posterior, map_fit.mode.z, flat, draws),
         effects={
             placed: {n: x.reshape(by_ensemble) for n, x in values.items()}
             for placed, values in space.effect_draws(flat).items()
@@ -364,20 +383,21 @@ def _sampled(
     )
 
 
-def _with_model_error(found: MapFit, vehicle: Vehicle) -> tuple[MapFit, Array | None]:
-    """Fit again with noise levels near the declared ones, and say how far that mode may be off.
+def _refit_with_model_error(map_fit: MapFit, vehicle: Vehicle) -> tuple[MapFit, Array | None]:
+    """Fit again with noise levels near the declared ones, and compute the model error of that mode.
 
-    Returns the fit as it was where that one explains too little, or lacks nothing.  A climb through
-    a misfit settles less closely than one through noise: what it leaves is far below the error of
-    the model.
+    The original fit is returned if the new one explains too little, or if there is no model error.
+    With a misfit, the search converges less closely, to far within the model error.
     """
-    near = fit_near_declared_noise(found, vehicle)
-    assert near.tight_noise_fit is not None
-    error = model_error(near.tight_noise_fit)
-    return (found, None) if near.reasons or not error.any() else (near, error)
+    tight_noise_fit = fit_near_declared_noise(map_fit, vehicle)
+    assert tight_noise_fit.tight_noise_fit is not None
+    error = model_error(tight_noise_fit.tight_noise_fit)
+    return (
+        (map_fit, None) if tight_noise_fit.reasons or not error.any() else (tight_noise_fit, error)
+    )
 
 
-def _no_single_rate(damper: DampingRates) -> str:
+def _free_curve_warning(damper: DampingRates) -> str:
     return (
         f"the curve of the {damper.element.replace('_', ' ')} damper is free, so that it has no "
         "single rate to hold against the nominal one; the rate above is that of equal power at the "
@@ -385,86 +405,90 @@ def _no_single_rate(damper: DampingRates) -> str:
     )
 
 
-def _clocks(
+def _split_clocks(
     recordings: Sequence[Recording], vehicle: Vehicle, placed_effects: tuple[PlacedEffect, ...]
 ) -> tuple[tuple[Clock, ...], tuple[PlacedEffect, ...]]:
-    """Clocks that are declared or asked for as an effect, and the other effects."""
+    """Return clocks that are declared or requested as an effect, and the other effects."""
     declared = declared_clocks(recordings, vehicle)
     names = {name for recording in recordings for name in recording.channels}
-    known = [names.intersection(clock.channels) for clock in declared]
-    asked = [
+    declared_names = [names.intersection(clock.channels) for clock in declared]
+    requested = [
         clock_of_group(placed.where) for placed in placed_effects if placed.effect is CLOCK_OFFSET
     ]
-    new = [clock for clock in asked if names.intersection(clock.channels) not in known]
+    new = [clock for clock in requested if names.intersection(clock.channels) not in declared_names]
     clocks = (*declared, *new)
     check_clocks(clocks, "--with clock_offset")
     return clocks, tuple(placed for placed in placed_effects if placed.effect is not CLOCK_OFFSET)
 
 
 def _estimate_random_effects(
-    agreement: RunConsistency,
+    run_consistency: RunConsistency,
     recordings: Sequence[Recording],
     vehicle: Vehicle,
     warnings: tuple[str, ...],
     seed: int,
     sampler: ModuleType,
 ) -> EstimationResult:
-    """Answer where runs do not agree: the mean car, and each run at its own posterior."""
-    found = agreement.population
-    together = agreement.joint(math.prod(_APART), seed)
+    """Estimate from inconsistent runs: the mean car, and each run with its own posterior."""
+    population = run_consistency.population
+    pooled = run_consistency.joint(math.prod(_INDEPENDENT_DRAWS), seed)
     rhat, bulk, tail = sampler.convergence_diagnostics(
-        found.centre.reshape(_APART[0], _APART[1], 1, -1)
+        population.centre.reshape(_INDEPENDENT_DRAWS[0], _INDEPENDENT_DRAWS[1], 1, -1)
     )
     return EstimationResult(
         verdict="ok",
         reasons=(),
         warnings=warnings,
         vehicle=vehicle,
-        car=agreement.space.car,
+        car=run_consistency.space.car,
         recordings=tuple(recordings),
-        likelihood=agreement.space.likelihood,
+        likelihood=run_consistency.space.likelihood,
         seed=seed,
         seconds=0.0,
-        draws={n: x.reshape(_APART) for n, x in agreement.quantities(found.centre, seed).items()},
-        nuisance=agreement.nuisance(_APART, seed),
-        log_posterior=found.log_density.reshape(_APART),
+        draws={
+            n: x.reshape(_INDEPENDENT_DRAWS)
+            for n, x in run_consistency.quantities(population.centre, seed).items()
+        },
+        nuisance=run_consistency.nuisance(_INDEPENDENT_DRAWS, seed),
+        log_posterior=population.log_density.reshape(_INDEPENDENT_DRAWS),
         rhat_max=rhat,
         ess_bulk_min=bulk,
         ess_tail_min=tail,
         sampler="random effects",
         runs=tuple(
-            _run_fit(recording, alone.fit.posterior, alone.z, 0, seed + run)
-            for run, (recording, alone) in enumerate(zip(recordings, agreement.runs, strict=True))
+            _run_fit(recording, single_run.fit.posterior, single_run.z, 0, seed + run)
+            for run, (recording, single_run) in enumerate(
+                zip(recordings, run_consistency.runs, strict=True)
+            )
         ),
-        space=agreement.space,
-        run_consistency=agreement,
-        below=agreement.space.recordings[0].below,
-        pooled_draws=agreement.quantities(together, seed),
+        space=run_consistency.space,
+        run_consistency=run_consistency,
+        below=run_consistency.space.recordings[0].below,
+        pooled_draws=run_consistency.quantities(pooled, seed),
     )
 
 
 def _run_fit(
     recording: Recording, posterior: Posterior, flat: Array, run: int, seed: int
 ) -> RunFit:
-    """Simulate one recording at the posterior's centre and at a few of its draws."""
+    """Simulate one recording at the posterior mean and for a few draws."""
     prepared = posterior.space.recordings[run]
     centre = flat.mean(axis=0)
     picked = flat[np.linspace(0, len(flat) - 1, 24).astype(int)]
     elements = len(prepared.car.elements)
-    each = [free_run(posterior, z, run) for z in picked]
+    simulations = [free_run(posterior, z, run) for z in picked]
     innovations = posterior.innovations(centre, run)
     innovations[prepared.kind != VALUE] = np.nan
     return RunFit(
         recording=recording,
         prepared=prepared,
         free=free_run(posterior, centre, run),
-        ensemble=np.stack([one.output for one in each]),
-        travel=np.stack([one.states[:, 0 : 2 * elements : 2] for one in each]),
-        velocity=np.stack([one.states[:, 1 : 2 * elements : 2] for one in each]),
+        ensemble=np.stack([one.output for one in simulations]),
+        travel=np.stack([one.states[:, 0 : 2 * elements : 2] for one in simulations]),
+        velocity=np.stack([one.states[:, 1 : 2 * elements : 2] for one in simulations]),
         innovations=innovations,
         residual_ar=posterior.residual_ars[run],
-        # Replicates know the sensors' noise alone; where it explains little there is nothing
-        # to check.
+        # replicates contain only sensor noise; if that explains little, there is nothing to check
         checks=()
         if posterior.space.likelihood == "coloured" or posterior.space.placed_effects
         else predictive_checks(posterior, flat, run, seed),
