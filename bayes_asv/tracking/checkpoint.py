@@ -113,7 +113,7 @@ _FIELDS: Final[dict[str, dict[str, str]]] = {
         "squares": "squares",
     },
 }
-# What files of earlier versions lack.
+# Names that files of earlier versions lack.
 _ADDED: Final = ("_last_fault", "_still", "_use", "_stillness")
 _RECORDS: Final[dict[str, Callable[..., Any]]] = {"State": State, "Steps": Steps}
 
@@ -159,7 +159,7 @@ def restore(target: Any, plain: Any, arrays: Arrays) -> None:
     Raises
     ------
     ValueError, KeyError, TypeError
-        When the data do not fit the object.
+        If the data do not match the object.
     """
     for stored, attribute in _FIELDS[type(target).__name__].items():
         if stored in _ADDED and stored not in plain:
@@ -207,7 +207,7 @@ def _unpack(plain: Any, current: Any, arrays: Arrays) -> Any:
 
 
 def _completed(record: str, parts: list[Any]) -> list[Any]:
-    """Add what a record of an earlier version lacks, which knew no force laws."""
+    """Add the parts that a record of an earlier version, without force laws, lacks."""
     if record == "Steps" and len(parts) == 6:
         steps, elements = parts[1].shape[:2]
         parts += [np.zeros((steps, 2, elements)), np.full(steps, ALL, np.int8)]

@@ -33,14 +33,18 @@ WINDOW = 0.5
 WHITENESS_WINDOW = 2.0
 """Length of the window of the Box–Pierce statistic, s."""
 
-_NIS_ONSET = 4.5  # standard deviations of the mean NIS: 7 in a million by chance
-# For each output χ² with LAGS = 10 degrees of freedom: mean 10 and standard deviation 4.5.
+# Deviation of the mean NIS that is flagged, in its standard deviations: 7 in a million by chance.
+_NIS_ONSET = 4.5
+# Box–Pierce statistics of an output at which the flag is set and cleared.  Under the model it is χ²
+# with LAGS = 10 degrees of freedom: mean 10 and standard deviation 4.5.
 _BOX_PIERCE_ONSET = 150.0
 _BOX_PIERCE_END = 75.0
-_NOISE_ONSET = 4.0  # times the declared variance; the flag ends at half of that
-_CLIP = 3.0  # standard deviations of an innovation that count in products
-_REQUIRED_SHARE = 0.9  # of the rows that have to be consistent
-_NIS_TOLERANCE = 0.05  # on the mean NIS of a whole recording: 2.5 % of a standard deviation
+# Factor on the declared noise variance at which the flag is set; it is cleared at half of that.
+_NOISE_ONSET = 4.0
+_CLIP = 3.0  # bound on an innovation in lagged products, standard deviations
+_REQUIRED_SHARE = 0.9  # least share of consistent rows
+# Tolerance of the mean NIS of a whole recording: 2.5 % of a standard deviation.
+_NIS_TOLERANCE = 0.05
 
 
 def nis_band(readings: Array, z: float = NORMAL_975) -> tuple[Array, Array]:
@@ -105,18 +109,19 @@ class ConsistencySummary:
     max_noise_factor : float
         Largest factor on the declared noise variance.
     max_box_pierce : float
-        Largest Box–Pierce statistic of all outputs; χ² with ``LAGS`` degrees of freedom an output
-        for white innovations.
+        Largest Box–Pierce statistic over all outputs; χ² with ``LAGS`` degrees of freedom per
+        output for white innovations.
     correlation : (ny, LAGS + 1) array
         Autocorrelation of the normalised innovations of each output.
     faults : tuple of str
-        ``swollen``: noise variance above the declared one; ``coloured``: correlated innovations;
-        ``uneven``: mean NIS above its band for some of the time; ``optimistic`` or
+        ``swollen``: noise variance above the declared one; ``coloured``: autocorrelated
+        innovations; ``uneven``: mean NIS above its band for some of the time; ``optimistic`` or
         ``pessimistic``: mean NIS of the whole recording above or below its band.  Empty for a
         consistent filter.
     recovered : bool
-        Whether the filter was consistent for the last two seconds, or for the last half of less
-        than four: where the parameters begin far off, the first motion is not predicted well.
+        Whether the filter was consistent for the last two seconds, or for the second half of a
+        recording of less than four: if the initial parameters are far off, the first motion is not
+        predicted well.
     """
 
     nis_mean: float
@@ -146,8 +151,8 @@ class ConsistencyMonitor:
     rate : float
         Rows per second, Hz.
     declared : bool
-        Whether the noise of all sensors was given; only then does a raised noise factor mean that
-        something is wrong.
+        Whether the noise of all sensors is declared; only then does a raised noise factor indicate
+        a fault.
     outputs : int
         Number of outputs, ny.
     """
@@ -195,13 +200,13 @@ class ConsistencyMonitor:
         nis, readings : (N,) arrays
             NIS of each row, and the number of readings in it.
         innovations : (N, ny) array
-            Normalised innovations; zero where there is none.
+            Normalised innovations; zero without a reading.
         noise_factor : (N, ny) array
             Factor on the declared noise variance of each output.
         """
         n = len(nis)
-        # Clipped, so that one or two sharp edges, where a spline errs, do not look like
-        # autocorrelation.
+        # clipped, so that interpolation errors at one or two sharp edges do not appear as
+        # autocorrelation
         clipped = np.clip(innovations, -_CLIP, _CLIP) * (readings > 0)[:, None]
         rows = np.concatenate([self._history, np.column_stack([nis, readings, clipped])])
         self._history = rows[n:].copy()

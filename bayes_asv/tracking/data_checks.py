@@ -1,4 +1,4 @@
-"""Checks of the rows as they come: whether they can answer the question at all."""
+"""Checks of the rows as they arrive: whether they determine the parameters."""
 
 from __future__ import annotations
 
@@ -29,9 +29,9 @@ __all__ = ["DataChecks", "unidentified_parameters"]
 
 Array = NDArray[np.float64]
 
-# As for `estimate`, see bayes_asv.preprocessing.data_checks.
-_MAX_MISSING = 0.2  # share of the readings of a channel
-_MIN_RMS = 0.05  # of a wheel, m/s²
+# Limits as for `estimate`, see bayes_asv.preprocessing.data_checks.
+_MAX_MISSING = 0.2  # largest share of missing readings of a channel
+_MIN_RMS = 0.05  # least rms of a wheel, m/s²
 
 
 @dataclass
@@ -75,7 +75,7 @@ class DataChecks:
         self.squares += (value**2).sum(axis=0)
 
     def reasons(self, sensors: SensorModel, source: str) -> list[str]:
-        """List why these rows cannot answer; empty when they may."""
+        """List the reasons to refuse these rows."""
         modes = nominal_modes(sensors.car)
         slowest, fastest = modes[0].natural, modes[-1].natural
         seconds = max(self.last - self.first, 0.0)
@@ -117,7 +117,7 @@ class DataChecks:
         return out
 
     def warnings(self, sensors: SensorModel, source: str) -> list[str]:
-        """List faults of single readings that the filter copes with."""
+        """List faults of single readings that the filter tolerates."""
         out = []
         for c, channel in enumerate(sensors.channels):
             if self.clipped[c]:
@@ -143,7 +143,7 @@ def unidentified_parameters(
     *,
     inconsistent: bool = False,
 ) -> list[str]:
-    """List which answers the rows did not identify.
+    """List the parameters of interest that the rows do not identify.
 
     Parameters
     ----------
@@ -152,9 +152,9 @@ def unidentified_parameters(
     measured : sequence of Channel
         Its measured outputs.
     prior_sd, posterior_sd : mappings of str to float
-        Standard deviations of the answers' logarithms.
+        Standard deviations of the logarithms of the parameters of interest.
     inconsistent : bool
-        Whether the filter was inconsistent: then it discarded what it had learnt, and a harder
+        Whether the filter was inconsistent: it has then discarded its information, and a harder
         drive would not help.
     """
     return [

@@ -1,11 +1,10 @@
 """Effects in the online filter: their coordinates, and force laws as tables for compiled code.
 
 An effect that a user names has the wide prior of its parameters, as in ``estimate``.  Parameters of
-a force law are coordinates of their own.  A wrong given value or gain is one more term in the prior
-of a coordinate that is there anyway; what is said of the effect follows from that coordinate by
-linear regression.  A force, of which there cannot be less than nothing, may become negative in the
-filter, whose beliefs are normal; what is reported is its distribution given that it is positive,
-which is what a half-normal prior leads to.
+a force law are additional coordinates.  A wrong given value or gain is an additional term in the
+prior of an existing coordinate; the size of the effect is computed from that coordinate by linear
+regression.  A force that cannot be negative may become so in the filter, whose distributions are
+normal; its reported distribution is conditional on a positive value, as with a half-normal prior.
 """
 
 from __future__ import annotations
@@ -36,8 +35,8 @@ __all__ = [
 
 Array = NDArray[np.float64]
 
-_PROBABILITIES = (np.arange(1000) + 0.5) / 1000
-_NODES = (-math.sqrt(3.0), 0.0, math.sqrt(3.0))
+_PROBABILITIES = (np.arange(1000) + 0.5) / 1000  # of the quantiles that represent draws
+_NODES = (-math.sqrt(3.0), 0.0, math.sqrt(3.0))  # Gauss–Hermite nodes
 _FIX = "estimate with it instead, or leave it out"
 
 
@@ -50,11 +49,12 @@ class EffectParameter:
     placed : PlacedEffect
         The effect and its place.
     parameter : Parameter
-        Which of its parameters.
+        Parameter of the effect.
     size : float
-        What the prior's numbers are multiplied by for this car.
+        Factor on the numbers of its prior for this car.
     linear : bool
-        It is the factor on a fraction of the car, one plus ``wide`` times its coordinate.
+        Whether it is the factor on a fraction of the car, one plus ``prior_scale`` times its
+        coordinate.
     """
 
     placed: PlacedEffect
@@ -68,7 +68,7 @@ class EffectParameter:
         return self.placed.coordinate_name(self.parameter)
 
     def values(self, z: Array) -> Array:
-        """Values at standard normal coordinates; of a force with the coordinate's sign."""
+        """Values at standard normal coordinates; a force has the sign of its coordinate."""
         one = self.parameter
         if self.linear:
             return np.asarray(self.size * (one.centre + one.prior_scale * z))
@@ -77,13 +77,13 @@ class EffectParameter:
         return np.asarray(one.value(z, Scale(self.size, self.size)))
 
     def quantiles(self, p: Array, mean: float, sd: float) -> Array:
-        """Quantiles of the value where its coordinate is normal; a force is positive."""
+        """Quantiles of the value for a normal coordinate; a force is truncated to positive ones."""
         if self.parameter.form == "positive" and not self.linear:
             return self.values(mean + sd * truncnorm.ppf(p, -mean / sd, math.inf))
         return self.values(mean + sd * ndtri(p))
 
     def draws(self, mean: float, sd: float) -> Array:
-        """Values at evenly spaced probabilities, which stand for draws."""
+        """Quantiles at evenly spaced probabilities, in place of draws."""
         return self.quantiles(_PROBABILITIES, mean, sd)
 
     def moments(self, mean: Array, sd: Array) -> tuple[Array, Array]:
@@ -105,7 +105,7 @@ def check_trackable(
     Raises
     ------
     InputError
-        In one sentence.
+        If an effect cannot be tracked.
     """
     for placed in placed_effects:
         effect, where = placed.effect, f"--with {placed}"
@@ -160,7 +160,7 @@ def effect_parameters(
 
 
 def with_car_effects(car: CarModel, placed_effects: Sequence[PlacedEffect]) -> CarModel:
-    """Return a car whose given values have a term for each effect that makes them wrong."""
+    """Return a car with a term in the prior of given values for each effect that changes them."""
     parameters = list(car.parameters)
     for placed in placed_effects:
         if placed.effect.acts != "car":
@@ -187,25 +187,25 @@ def law_table(
     effects : sequence of EffectParameter
         From :func:`effect_parameters`.
     first : int
-        Number of the first of them among the parameters of the filter's model.
+        Index of the first of them among the parameters of the filter's model.
     pole : float
-        Of the filter that all readings passed, rad/s.
+        Pole of the filter that all readings passed, rad/s.
     """
     rows: list[list[float]] = []
     entry: list[tuple[int, int, int]] = []
     numbers: list[Array] = []
     placed_effects = dict.fromkeys(e.placed for e in effects if e.placed.effect.code >= 0)
     for placed in placed_effects:
-        own = [(k, e) for k, e in enumerate(effects) if e.placed == placed]
-        centre = {e.parameter.name: float(e.values(np.zeros(1))[0]) for _, e in own}
+        of_placed = [(k, e) for k, e in enumerate(effects) if e.placed == placed]
+        centre = {e.parameter.name: float(e.values(np.zeros(1))[0]) for _, e in of_placed}
         packed = _packed(placed, centre)
         varying = []
-        for k, e in own:
-            along = np.array(
+        for k, e in of_placed:
+            tabulated = np.array(
                 [_packed(placed, {**centre, e.parameter.name: float(v)}) for v in e.values(GRID)]
             )
-            moves = np.flatnonzero(np.any(along != packed, axis=0))
-            varying += [(2 + int(c), first + k, along[:, c]) for c in moves]
+            varying_columns = np.flatnonzero(np.any(tabulated != packed, axis=0))
+            varying += [(2 + int(c), first + k, tabulated[:, c]) for c in varying_columns]
         for element in placed.elements(car):
             entry += [(len(rows), column, parameter) for column, parameter, _ in varying]
             numbers += [values for _, _, values in varying]
@@ -224,9 +224,9 @@ def _packed(placed: PlacedEffect, values: dict[str, float]) -> Array:
 
 
 def _is_separable(placed: PlacedEffect, scale: Scale) -> bool:
-    """Whether each number of a law is a function of one of its parameters.
+    """Whether each number of a law is a function of one parameter only.
 
-    Then moving two parameters moves the numbers as far as moving one after the other.
+    Changing two parameters then changes the numbers as changing one after the other does.
     """
     points = (-0.7, 0.0, 0.9)
     parameters = placed.effect.parameters
@@ -239,14 +239,14 @@ def _is_separable(placed: PlacedEffect, scale: Scale) -> bool:
         for b in parameters:
             if a is b:
                 continue
-            moved = np.flatnonzero(packed({a.name: 0}) != packed({}))
-            if np.any(packed({a.name: 0, b.name: 2})[moved] != packed({a.name: 0})[moved]):
+            changed = np.flatnonzero(packed({a.name: 0}) != packed({}))
+            if np.any(packed({a.name: 0, b.name: 2})[changed] != packed({a.name: 0})[changed]):
                 return False
     return True
 
 
 def _affected(car: CarModel, placed: PlacedEffect) -> list[int]:
-    """Numbers of the parameters of a car that an effect changes."""
+    """Return the indices of the parameters of a car that an effect changes."""
     assert placed.effect.on_car is not None
     one = placed.effect.parameters[0]
     values = car.nominal

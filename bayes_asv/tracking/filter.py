@@ -1,8 +1,9 @@
 """The online filter: its initial state, and the decisions between runs of the compiled recursion.
 
 :func:`bayes_asv.filters.ukf.run` processes steps until it needs a decision.  It then returns one of
-three events: the parameters have learnt so much that the recent window has to be relinearized, a
-fault has lasted so long that the motion has to be reset, or the window is due for a review.
+three events: the information gained about the parameters requires a relinearisation of the recent
+window, a fault has lasted so long that the motion has to be reset, or the window is due for a
+review.
 """
 
 from __future__ import annotations
@@ -45,24 +46,24 @@ DEFAULT_SETTINGS = FilterSettings(
 )
 
 WHITE_SHARE_PRIOR = (0.5, 12.0)
-"""Mean and information of the share of white noise: uniform a priori, as in ``estimate``."""
+"""Prior mean and information of the share of white noise; uniform, as in ``estimate``."""
 
-# Relinearization ends when every parameter's relative standard deviation is below _KNOWN and
+# Relinearisation ends when every parameter's relative standard deviation is below _KNOWN and
 # the last _SETTLED_PASSES moved none by more than _SETTLED standard deviations.  A parameter that
-# still moves after _MAX_PASSES is not constant, which relinearization cannot correct.
+# still moves after _MAX_PASSES is not constant, which relinearisation cannot correct.
 _KNOWN = 0.05
 _SETTLED = 0.1
 _SETTLED_PASSES = 2
 _MAX_PASSES = 5
-_MAX_WINDOW = 8.0  # s
-_MIN_GAIN = 0.02  # nats: a window with less information about the parameters is dropped
-_MAX_FAULT_DURATION = 8.0  # s
-# A fault that has outlasted two resets, the second with half of this, is taken for a car that has
-# changed: sensors that are knocked or rattle are right again within a second, or never.
-_LASTING_FAULT = 1.0  # s
-# A zero that drifts by a usual 5 mm/s² a second (the tolerance of `sensor_drift`) has moved by its
-# prior standard deviation, 0.7 m/s²: readings after such a gap are another recording's.
-_LONG_GAP = 140.0  # s
+_MAX_WINDOW = 8.0  # longest window, s
+_MIN_GAIN = 0.02  # least information of a window about the parameters, nats
+_MAX_FAULT_DURATION = 8.0  # longest fault before a reset, s
+# Duration of a fault after which the car is assumed to have changed, s, after two resets, the
+# second with half of this: a sensor that was hit or rattles recovers within a second, or never.
+_LASTING_FAULT = 1.0
+# Gap after which readings belong to another recording, s: the time in which an offset that drifts
+# by 5 mm/s² per second (the tolerance of `sensor_drift`) changes by its prior sd, 0.7 m/s².
+_LONG_GAP = 140.0
 
 
 def initial_state(model: FilterModel) -> State:
@@ -110,7 +111,7 @@ def _copy(state: State) -> State:
 
 
 def _reset_motion(state: State, mu: Array, D: Array, model: FilterModel) -> State:
-    """Prior state with the given parameters, and with slow noise factors of at most one."""
+    """Prior state with given parameters, and with slow noise factors of at most one."""
     statistics, at, ny = state.statistics.copy(), model.at, model.sizes.outputs
     total = slice(at.noise_sum, at.noise_sum + ny)
     statistics[at.fast_factor : at.fast_factor + ny] = 1.0
@@ -177,7 +178,7 @@ class OnlineFilter:
     Attributes
     ----------
     state : State
-        Belief after the last step.
+        Distribution after the last step.
     relinearizing : bool
         Whether the parameters are still so uncertain that the recent window is kept.
     resets : list of float
@@ -201,7 +202,7 @@ class OnlineFilter:
         self._settled_passes = self._passes = 0
 
     def advance(self, steps: Steps) -> Array:
-        """Process steps; return the results after each, see ``ukf_state.Columns``."""
+        """Process steps; return the results after each one, see ``ukf_state.Columns``."""
         out = np.zeros((len(steps.step), self.model.into.width))
         at = 0
         long_gaps = np.flatnonzero(steps.restart & (steps.step > _LONG_GAP)).tolist()
@@ -241,7 +242,7 @@ class OnlineFilter:
             self._start_window()
 
     def _write_parameters(self, out: Array) -> None:
-        """Fill means and standard deviations of the answers in rows of results."""
+        """Fill means and standard deviations of the parameters of interest in rows of results."""
         na = self.model.sizes.estimands
         out[:, :na], out[:, na : 2 * na] = self.state.mu[:na], self._parameter_sd()
 
@@ -250,7 +251,7 @@ class OnlineFilter:
         return np.asarray(np.sqrt(np.sum(self.state.D[:, :na] ** 2, axis=0)))
 
     def _current_model(self) -> FilterModel:
-        """Model without a random walk while relinearizing, which takes parameters for constant."""
+        """Model without a random walk while relinearising, which assumes constant parameters."""
         if not self.relinearizing:
             return self.model
         return self.model.with_constant_parameters()
@@ -275,7 +276,7 @@ class OnlineFilter:
         self.resets.append(self.time)
 
     def _relinearize(self) -> None:
-        """Run the window again at the estimate; stop keeping it once that changes nothing."""
+        """Filter the window again at the estimate; discard it once the estimate has converged."""
         window = Window(self._window_start, concatenate_steps(self._window_steps))
         try:
             state, moved = relinearize(window, self.state, self.model, self.settings)
@@ -314,8 +315,8 @@ class OnlineFilter:
     def _reset(self) -> None:
         """Reset motion and biases, and return the parameters to the older snapshot.
 
-        After a fault that lasts, the parameters that are asked for become as uncertain as their
-        priors, and are learnt again.
+        After a lasting fault, the parameters of interest become as uncertain as their priors, and
+        are estimated again.
         """
         snapshot = self.state.snapshots[0]
         self.state = _reset_motion(

@@ -1,4 +1,4 @@
-"""Car and sensors as the online filter takes them: sizes, arrays for compiled code, and outputs."""
+"""Car and sensors for the online filter: sizes, arrays for compiled code, and outputs."""
 
 from __future__ import annotations
 
@@ -35,11 +35,12 @@ __all__ = ["FilterModel", "StandstillBias", "filter_model", "standstill_bias", "
 
 Array = NDArray[np.float64]
 
-_DRIFT_SECONDS = 20.0  # time constant of the random walk while a drift is detected
-_MOST_FACTORS = 4  # of a term of the geometry
-_AT_REST = 1.0  # N: deviation of a filtered force when a recording begins
-# At standstill: a deflection along a twist changes nothing that a bias of the outputs could not.
-_TWIST, _TWIST_RATE = 1e-3, 1e-2  # m and m/s
+_DRIFT_SECONDS = 20.0  # time constant of the random walk while a drift is detected, s
+_MOST_FACTORS = 4  # largest number of factors of a term of the geometry
+_AT_REST = 1.0  # prior sd of a filtered force at the start of a recording, N
+# Prior sd at standstill of a deflection along a twist of the wheels, m, and of its rate, m/s: such
+# a deflection is equivalent to biases of the outputs.
+_TWIST, _TWIST_RATE = 1e-3, 1e-2
 
 
 class StandstillBias(NamedTuple):
@@ -48,7 +49,7 @@ class StandstillBias(NamedTuple):
     Parameters
     ----------
     mean, sd : (nd,) arrays
-        m/s².
+        Mean and standard deviation, m/s².
     """
 
     mean: Array
@@ -66,7 +67,7 @@ class FilterModel:
     outputs : tuple of Output
         Measured outputs.
     inputs, output_channels : tuple of int
-        Numbers of the channels that are inputs and outputs.
+        Indices of the channels that are inputs and outputs.
     sizes : Sizes
         Sizes of the filter.
     start_mean : (ns,) array
@@ -74,7 +75,7 @@ class FilterModel:
     initial : int array
         States that are unknown when a recording begins; filtered forces follow from them.
     arrays : Model
-        Figures for compiled code.
+        Arrays for compiled code.
     """
 
     coordinates: Coordinates
@@ -88,7 +89,7 @@ class FilterModel:
 
     @property
     def at(self) -> Statistics:
-        """Places of the statistics of the filter's state."""
+        """Indices of the statistics of the filter's state."""
         return statistics(self.sizes.outputs)
 
     @property
@@ -121,8 +122,8 @@ def filter_model(
         Time constant of the parameters' random walk, s; constant parameters without it.
     standstill : StandstillBias, optional
         Biases of the inputs, for a car whose wheels can twist against each other.  The body cannot
-        follow such a twist, no spring resists it, and a bias of the wheel sensors along it grows
-        with time: while the parameters are unknown as well, an unknown bias would hide them.
+        follow such a twist and no spring resists it, so the effect of a bias along it grows with
+        time: an unknown bias would make the parameters unidentifiable.
     rate : float
         Rows per second, Hz; limits the band of forces where no sensor's filter is declared.
 
@@ -132,19 +133,19 @@ def filter_model(
         If the car has a geometry that compiled code cannot evaluate.
     """
     car, outputs = coordinates.car, sensors.output_models
-    found = trace(car, outputs, _symbols(coordinates))
+    geometry = trace(car, outputs, _symbols(coordinates))
     system = state_space(car, car.nominal, outputs)
     directions = bias_directions(system)
     names, P = car.names, len(car.names)
     ne, n, ny, nd = len(car.elements), len(car.coordinates), len(outputs), directions.shape[1]
     effects = coordinates.law_effects
     size = sizes(
-        elements=ne, rates=found.rates, coordinates=n, rows=ne + len(found.points), directions=nd,
-        outputs=ny, parameters=len(coordinates.base),
-        answers=len(coordinates.estimands) + len(effects), bars=int(np.any(found.bars != 0.0)),
+        elements=ne, rates=geometry.rates, coordinates=n, rows=ne + len(geometry.points),
+        directions=nd, outputs=ny, parameters=len(coordinates.base),
+        answers=len(coordinates.estimands) + len(effects), bars=int(np.any(geometry.bars != 0.0)),
         forces=ne if effects else 0,
     )  # fmt: skip
-    place, copies = _places(car, sensors, found.entries, len(coordinates.base))
+    place, copies = _places(car, sensors, geometry.entries, len(coordinates.base))
     # prior of (x, d, b) in the order (x, filtered forces, b, d)
     nx = size.motion - size.forces
     order = [*range(nx), *range(nx + nd, nx + nd + ny), *range(nx, nx + nd)]
@@ -153,17 +154,17 @@ def filter_model(
     start[np.ix_(initial, initial)] = initial_covariance(
         system._replace(N=directions), outputs
     )[np.ix_(order, order)]  # fmt: skip
-    mean = np.zeros(size.states)
+    start_mean = np.zeros(size.states)
     if standstill is not None:
         first = size.motion + ny
-        mean[first : first + nd] = standstill.mean
+        start_mean[first : first + nd] = standstill.mean
         start[first : first + nd] = start[:, first : first + nd] = 0.0
         start[first : first + nd, first : first + nd] = np.diag(standstill.sd**2)
         twist = _twists(car)
         for of, sd in ((0, _TWIST), (1, _TWIST_RATE)):
             states = np.ix_(range(of, 2 * ne, 2), range(of, 2 * ne, 2))
-            follow = np.eye(ne) - twist @ twist.T
-            start[states] = follow @ start[states] @ follow + sd**2 * twist @ twist.T
+            projection = np.eye(ne) - twist @ twist.T
+            start[states] = projection @ start[states] @ projection + sd**2 * twist @ twist.T
     arrays = Model(
         base=coordinates.base,
         element=coordinates.element,
@@ -177,27 +178,27 @@ def filter_model(
         input_bias=np.ascontiguousarray(directions),
         parameter_noise=coordinates.parameter_noise(forget),
         drift_noise=coordinates.parameter_noise(_DRIFT_SECONDS),
-        **_terms(found.entries, names, place),
+        **_terms(geometry.entries, names, place),
         place=place,
         copies=copies,
         uncertain_gains=any(P + c in coordinates.element for c in sensors.inputs),
-        bars=found.bars,
-        output_row=found.output_row,
-        by_row=found.by_row,
-        by_state=found.by_state,
-        reads_states=bool(found.by_state.any()),
+        bars=geometry.bars,
+        output_row=geometry.output_row,
+        by_row=geometry.by_row,
+        by_state=geometry.by_state,
+        reads_states=bool(geometry.by_state.any()),
         laws=law_table(
             car, effects, len(coordinates.base) - len(effects),
             float(np.max(sensors.poles)) or 2.0 * np.pi * NO_FILTER * rate,
         ),
     )  # fmt: skip
     return FilterModel(
-        coordinates, outputs, sensors.inputs, sensors.outputs, size, mean, initial, arrays
+        coordinates, outputs, sensors.inputs, sensors.outputs, size, start_mean, initial, arrays
     )
 
 
 def twists(car: CarModel) -> bool:
-    """Whether the wheels of a car can move in a way that its body cannot follow."""
+    """Whether the wheels of a car can move in a way that the body cannot follow."""
     return len(car.elements) > len(car.coordinates)
 
 
@@ -213,7 +214,7 @@ def standstill_bias(sensors: SensorModel, early: Array, rate: float) -> Standsti
     Parameters
     ----------
     sensors : SensorModel
-        With the poles of the sensors, which correlate their noise.
+        Sensors; their poles make the noise autocorrelated.
     early : (n, C) array
         Readings; NaN where missing.
     rate : float
@@ -221,26 +222,26 @@ def standstill_bias(sensors: SensorModel, early: Array, rate: float) -> Standsti
     """
     outputs = sensors.output_models
     directions = bias_directions(state_space(sensors.car, sensors.car.nominal, outputs))
-    along = early[:, list(sensors.inputs)] @ directions
-    along = along[np.isfinite(along).all(axis=1)]
-    if len(along) < _FEWEST:
+    projected = early[:, list(sensors.inputs)] @ directions
+    projected = projected[np.isfinite(projected).all(axis=1)]
+    if len(projected) < _FEWEST:
         return StandstillBias(np.zeros(directions.shape[1]), np.full(directions.shape[1], _BIAS))
     pole = float(np.max(sensors.poles[list(sensors.inputs)]))
     correlation = np.exp(-pole / rate) if pole > 0.0 else 0.0
-    spread = along.var(axis=0) * (1.0 + correlation) / (1.0 - correlation)
-    # What one step hides does not average out at standstill.
+    variance_of_rows = projected.var(axis=0) * (1.0 + correlation) / (1.0 - correlation)
+    # the quantization error does not average out at standstill
     steps = sensors.resolution[list(sensors.inputs)] ** 2 / 12.0 + _LEAST**2
-    variance = spread / len(along) + steps @ directions**2
-    return StandstillBias(along.mean(axis=0), np.sqrt(variance))
+    variance = variance_of_rows / len(projected) + steps @ directions**2
+    return StandstillBias(projected.mean(axis=0), np.sqrt(variance))
 
 
-_FEWEST = 20  # rows from which a mean is taken
-_LEAST = 1e-3  # m/s², a ten-thousandth of gravity, below which no bias is known
-_BIAS = 0.7  # m/s²: deviation of a sensor's bias, see models.outputs
+_FEWEST = 20  # least number of rows for a mean
+_LEAST = 1e-3  # least standard deviation of a bias, m/s²: a ten-thousandth of gravity
+_BIAS = 0.7  # prior standard deviation of a sensor's bias, m/s², see models.outputs
 
 
 def _symbols(coordinates: Coordinates) -> dict[str, Any]:
-    """Parameters of the car: numbers where they are exact, polynomials where they are not."""
+    """Parameters of the car: numbers if they are exact, polynomials otherwise."""
     values: dict[str, Any] = {p.name: p.nominal for p in coordinates.car.parameters}
     for name in values:
         if name in coordinates.names:
@@ -256,18 +257,18 @@ def _places(
     """Rows of the parameters in a lane, and further rows that are copies of them.
 
     The rows are those of the elements' dampings, springs and input gains, of the output gains, of
-    the geometry's polynomials, and of parameters that are none of these.
+    the geometry's polynomials, and of all other parameters.
     """
     names, P = car.names, len(car.names)
-    wanted = [names.index(e.damping) for e in car.elements]
-    wanted += [names.index(e.spring) for e in car.elements]
-    wanted += [P + c for c in (*sensors.inputs, *sensors.outputs)]
-    rows = list(enumerate(wanted))
-    for number, entry in enumerate(entries, len(wanted)):
-        alone = _alone(entry)
-        if alone is not None:
-            rows.append((number, names.index(alone)))
-    place = np.arange(parameters) + len(wanted) + len(entries)
+    needed = [names.index(e.damping) for e in car.elements]
+    needed += [names.index(e.spring) for e in car.elements]
+    needed += [P + c for c in (*sensors.inputs, *sensors.outputs)]
+    rows = list(enumerate(needed))
+    for number, entry in enumerate(entries, len(needed)):
+        single = _single_parameter(entry)
+        if single is not None:
+            rows.append((number, names.index(single)))
+    place = np.arange(parameters) + len(needed) + len(entries)
     taken: set[int] = set()
     copies = []
     for row, parameter in rows:
@@ -279,8 +280,8 @@ def _places(
     return place, np.array(copies, np.int64).reshape(-1, 2)
 
 
-def _alone(entry: Polynomial) -> str | None:
-    """Name of the parameter that a polynomial is; None where it is another."""
+def _single_parameter(entry: Polynomial) -> str | None:
+    """Name of the parameter that a polynomial consists of; None for any other polynomial."""
     if len(entry.terms) == 1:
         ((product, value),) = entry.terms.items()
         if len(product) == 1 and value == 1.0:
@@ -291,14 +292,14 @@ def _alone(entry: Polynomial) -> str | None:
 def _terms(
     entries: list[Polynomial], names: tuple[str, ...], place: NDArray[np.int64]
 ) -> dict[str, Any]:
-    """Figures of polynomials, as :class:`bayes_asv.filters.ukf_state.Model` names them."""
+    """Arrays of polynomials, for the fields of :class:`bayes_asv.filters.ukf_state.Model`."""
     constant = np.zeros(len(entries))
     term: list[tuple[int, int]] = []
     coefficient: list[float] = []
     factors: list[list[int]] = []
     for number, entry in enumerate(entries):
-        if _alone(entry) is not None:
-            continue  # the parameter has its row
+        if _single_parameter(entry) is not None:
+            continue  # the parameter has a row already
         for product, value in entry.terms.items():
             if not product:
                 constant[number] = value
@@ -308,10 +309,10 @@ def _terms(
                     "the car", "has a geometry of too high a degree",
                     "estimate its parameters instead of tracking them",
                 )  # fmt: skip
-            own = [int(place[names.index(name)]) for name in product]
-            term.append((number, own[0] if len(own) == 1 else -1))
+            rows_of_factors = [int(place[names.index(name)]) for name in product]
+            term.append((number, rows_of_factors[0] if len(rows_of_factors) == 1 else -1))
             coefficient.append(value)
-            factors.append(own + [-1] * (_MOST_FACTORS - len(own)))
+            factors.append(rows_of_factors + [-1] * (_MOST_FACTORS - len(rows_of_factors)))
     return {
         "constant": constant,
         "term": np.array(term, np.int64).reshape(-1, 2),
@@ -321,10 +322,9 @@ def _terms(
 
 
 def _noise_shares(car: CarModel, outputs: tuple[Output, ...]) -> Array:
-    """Shares (ne, ny) of the outputs' noise factors in those of the inputs.
+    """Weights (ne, ny) of the outputs' noise factors in those of the inputs.
 
-    An input has the mean factor of the outputs that are nearest: at its element, else at its axle,
-    else of all.
+    An input has the mean factor of the nearest outputs: at its element, else at its axle, else all.
     """
     out = np.zeros((len(car.elements), len(outputs)))
     for e, element in enumerate(car.elements):

@@ -14,21 +14,21 @@ __all__ = ["MAX_ROWS", "DecimatedFrames", "Frames", "concatenate", "empty_frames
 Array = NDArray[np.float64]
 
 MAX_ROWS: Final = 8192
-"""Rows that :class:`DecimatedFrames` keeps at most; a figure shows 1500 of them."""
+"""Largest number of rows that :class:`DecimatedFrames` keeps; a figure shows 1500 of them."""
 
 
 @dataclass(frozen=True)
 class Frames:
     """State of the filter after each of N rows; SI units.
 
-    The car has na answers, ne suspension elements and ny measured outputs.
+    The car has na parameters of interest, ne suspension elements and ny measured outputs.
 
     Parameters
     ----------
     time : (N,) array
         Stamp of each row, s.
     median : (N, na) array
-        Medians of the answers, such as c_f, c_r (N·s/m) and i (kg·m²).
+        Medians of the parameters of interest, such as c_f, c_r (N·s/m) and i (kg·m²).
     log_sd : (N, na) array
         Standard deviation of the logarithm of each; the 95 % interval is
         median · exp(±1.96 log_sd).
@@ -38,7 +38,7 @@ class Frames:
     deflection, deflection_sd : (N, ne) arrays
         Suspension deflections, m, extension positive, and their standard deviations.
     measured : (N, ny) array
-        Outputs as read; NaN where the filter used none.
+        Outputs as read; NaN where the filter did not use any.
     predicted, predicted_sd : (N, ny) arrays
         One-step predictions of those readings, and their standard deviations.
     nis : (N,) array
@@ -50,7 +50,7 @@ class Frames:
     consistent : (N,) bool array
         Whether the filter is consistent (:mod:`bayes_asv.tracking.consistency`).
     inflation : (N,) array
-        Factor by which the noise's standard deviation was widened; one for a consistent filter.
+        Factor on the noise's standard deviation; one for a consistent filter.
     """
 
     time: Array
@@ -89,7 +89,7 @@ def empty_frames(answers: int = 3, elements: int = 2, outputs: int = 2, effects:
 
 
 def concatenate(parts: Sequence[Frames]) -> Frames:
-    """Join frames in their order."""
+    """Concatenate frames in order."""
     if not parts:
         return empty_frames()
     return Frames(
@@ -101,7 +101,7 @@ class DecimatedFrames:
     """Collects frames of a drive of any length in bounded memory: the last row of every stride.
 
     A kept row is consistent only if every row of its stride was, and has the largest inflation of
-    its stride; all else is as it was at that row.  The stride doubles whenever more than
+    its stride; all other values are those at the row.  The stride doubles whenever more than
     ``max_rows`` rows would be kept.  The size of chunks has no effect.
 
     Parameters

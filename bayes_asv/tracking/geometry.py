@@ -1,10 +1,10 @@
-"""A car model as the compiled online filter evaluates it, thousands of times a second.
+"""Geometry of a car model for the compiled online filter.
 
 The parameters change with every reading, so compiled code has to compute the accelerations of a car
-from them.  What belongs to one car alone are the heights of its element tops, its masses and
-inertias, and the places of its sensors: polynomials of its parameters, such as l (1 − w).  They are
-found by calling the car's own functions with polynomials in place of numbers, so that a car is
-written once, in :mod:`bayes_asv.models.cars`.
+from them.  The heights of its element tops, its masses and inertias, and the places of its sensors
+differ from car model to car model: they are polynomials of its parameters, such as l (1 − w).  They
+are found by calling the car's own functions with polynomials in place of numbers, so that a car is
+defined only once, in :mod:`bayes_asv.models.cars`.
 """
 
 from __future__ import annotations
@@ -82,7 +82,7 @@ class Polynomial:
     __rmul__ = __mul__
 
     def multiple_of(self, other: Polynomial) -> float | None:
-        """Return the factor by which it is a multiple of another one; None where it is none."""
+        """Return its ratio to another polynomial; None if it is not a multiple of that one."""
         if not other.terms:
             return None if self.terms else 0.0
         name, value = next(iter(other.terms.items()))
@@ -92,24 +92,24 @@ class Polynomial:
 
 @dataclass(frozen=True)
 class Geometry:
-    """Geometry of a car as polynomials of its parameters, and what its outputs read.
+    """Geometry of a car as polynomials of its parameters, and the equations of its outputs.
 
     Parameters
     ----------
     heights : (ne, n) list of Polynomial
-        Of the element tops per unit of the coordinates.
+        Heights of the element tops per unit of the coordinates.
     inertia : (n,) list of Polynomial
         Masses and inertias of the coordinates.
     points : (nR − ne, n) list of Polynomial
-        Further rows of accelerations: the coordinates of body rates, and other places.
+        Additional rows of accelerations: the coordinates of body rates, and other places.
     rates : int
         Number of body rates.
     output_row, by_row : (ny,) int and float arrays
         Row of accelerations in each output, and its coefficient.
     by_state : (ny, nx) array
-        Coefficients of the states beside it.
+        Coefficients of the states in each output.
     bars : (ne, ne) array
-        Stiffness beside the springs.
+        Stiffness of anti-roll bars, in addition to the springs.
     """
 
     heights: list[list[Polynomial]]
@@ -123,7 +123,7 @@ class Geometry:
 
     @property
     def entries(self) -> list[Polynomial]:
-        """All polynomials, in the order in which the compiled filter takes them."""
+        """All polynomials, in the order of the compiled filter."""
         rows = [p for row in self.heights for p in row]
         return [*rows, *self.inertia, *(p for row in self.points for p in row)]
 
@@ -138,12 +138,12 @@ def trace(car: CarModel, outputs: Sequence[Output], values: Mapping[str, Any]) -
     outputs : sequence of Output
         Measured outputs.
     values : mapping
-        Each parameter of the car as a number or, where it may change, as a polynomial.
+        Each parameter of the car as a number or, if it may change, as a polynomial.
 
     Raises
     ------
     InputError
-        If the geometry is no polynomial of the parameters.
+        If the geometry is not a polynomial of the parameters.
     """
     try:
         return _trace(car, outputs, values)
@@ -166,23 +166,23 @@ def _trace(car: CarModel, outputs: Sequence[Output], values: Mapping[str, Any]) 
     bars = np.zeros((ne, ne))
     if car.stiffness is not None:
         bars = np.asarray(car.stiffness(symbols)[0], np.float64)
-    turning = [o.channel.axis for o in outputs if o.channel.axis is not None]
+    rate_axes = [o.channel.axis for o in outputs if o.channel.axis is not None]
     rows = list(heights)
     rows += [
         [Polynomial.of(float(coordinate == axis)) for coordinate in car.coordinates]
-        for axis in turning
+        for axis in rate_axes
     ]
-    nx = 2 * ne + len(turning)
-    # Accelerations of the coordinates by states are variables of their own here.
+    nx = 2 * ne + len(rate_axes)
+    # the derivatives of the coordinates' accelerations by states are separate variables here
     by_states = np.empty((1, n, nx), object)
     for j in range(n):
         for a in range(nx):
             by_states[0, j, a] = Polynomial({(f"{j} by {a}",): 1.0})
     motion = Motion(car, symbols, by_states, np.zeros((1, n, ne)))
-    own = iter(range(2 * ne, nx))
+    rate_states = iter(range(2 * ne, nx))
     output_row, by_row, by_state = [], [], np.zeros((len(outputs), nx))
     for y, output in enumerate(outputs):
-        place = next(own) if output.channel.axis is not None else -1
+        place = next(rate_states) if output.channel.axis is not None else -1
         equation = OUTPUTS[output.channel.quantity]
         read, _ = equation.rows(motion, output.channel, place, output.lead)
         point = [Polynomial({})] * n
@@ -200,13 +200,13 @@ def _trace(car: CarModel, outputs: Sequence[Output], values: Mapping[str, Any]) 
         output_row.append(row)
         by_row.append(factor)
     return Geometry(
-        heights, inertia, rows[ne:], len(turning), np.array(output_row, np.int64),
+        heights, inertia, rows[ne:], len(rate_axes), np.array(output_row, np.int64),
         np.array(by_row), by_state, bars,
     )  # fmt: skip
 
 
 def _row_of(point: list[Polynomial], rows: list[list[Polynomial]]) -> tuple[int, float]:
-    """Return the row that a point is a multiple of, and its factor; a new one is appended."""
+    """Return the row that a point is a multiple of, and the factor; append one if none fits."""
     if not any(p.terms for p in point):
         return 0, 0.0
     for number, row in enumerate(rows):

@@ -1,4 +1,4 @@
-"""Rows of a stream that are kept for a check of its input: the liveliest ones, and the last."""
+"""Rows of a stream that are kept for the input check: the most active block, and the latest one."""
 
 from __future__ import annotations
 
@@ -15,22 +15,23 @@ __all__ = ["LivelyRows"]
 
 Array = NDArray[np.float64]
 
-_SECONDS = 10.0  # of a block: the check fits the liveliest 2.5 s and holds the rest against it
-_LIVELY = 0.25  # of the power of the liveliest block, from which on a later one is kept as well
+# Length of a block, s: the check fits the most active 2.5 s, and compares the rest with that fit.
+_SECONDS = 10.0
+_MIN_POWER = 0.25  # least power of a later block that is kept, relative to the most active one
 _UNITS = {"acceleration": "m/s^2", "angular_rate": "rad/s", "deflection": "m"}
 
 
 class LivelyRows:
-    """Keeps the liveliest block of a stream, and the last one that is nearly as lively.
+    """Keeps the most active block of a stream, and the latest one that is nearly as active.
 
-    The last one shows what broke during the drive.
+    The latest one shows faults that occurred during the drive.
 
     Parameters
     ----------
     channels : sequence of Channel
-        What is in a row.
+        Channels of a row.
     metadata : tuple of (key, value)
-        Of the recording: delays and clocks.
+        Metadata of the recording: delays and clocks.
     """
 
     def __init__(
@@ -39,7 +40,7 @@ class LivelyRows:
         self._channels = tuple(channels)
         self._metadata = metadata
         self._wheels = [c for c, channel in enumerate(self._channels) if channel.is_input]
-        self._rows: list[tuple[Array, Array]] = []  # of the block that is being filled
+        self._rows: list[tuple[Array, Array]] = []  # rows of the current block
         self._liveliest: Recording | None = None
         self._latest: Recording | None = None
 
@@ -51,13 +52,13 @@ class LivelyRows:
                 self._close()
 
     def recordings(self, source: str) -> list[Recording]:
-        """Return what is kept, under the name of its source."""
+        """Return the kept blocks, with the name of their source."""
         self._close()
         kept = (self._liveliest, self._latest)
         return [replace(block, source=source) for block in kept if block is not None]
 
     def _close(self) -> None:
-        """End a block, and keep it where it is lively."""
+        """End a block, and keep it if it is active enough."""
         rows = sum(len(time) for time, _ in self._rows)
         if rows < 2:
             return
@@ -73,7 +74,7 @@ class LivelyRows:
         power = self._power(block)
         if self._liveliest is None or power > most:
             self._liveliest, self._latest = block, None
-        elif power > _LIVELY * most:
+        elif power > _MIN_POWER * most:
             self._latest = block
 
     def _power(self, block: Recording) -> float:

@@ -1,11 +1,11 @@
 """Parameters of the car that the online filter estimates, their coordinates and their priors.
 
-Each parameter that is not exact is one coordinate: those that are asked for first, then those of
+Each parameter that is not exact is one coordinate: first the parameters of interest, then those of
 force laws, then every given value with a standard deviation, then the scales of sensors.  All are
-logarithms but fractions and those of force laws, which are standard normal.  Parameters whose
-priors share an unknown, such as the springs of both sides of an axle, are correlated a priori.  The
-accelerations depend on ratios to the mass alone; the mass is a coordinate all the same, so that its
-uncertainty is part of every answer.
+logarithms, except fractions and the parameters of force laws, which are standard normal.
+Parameters whose priors share an unknown, such as the springs of both sides of an axle, are
+correlated a priori.  Accelerations depend only on ratios to the mass, but the mass is a coordinate
+as well, so that its uncertainty is included in all results.
 """
 
 from __future__ import annotations
@@ -44,13 +44,13 @@ class Coordinates:
     car : CarModel
         The car.
     names : tuple of str
-        Names of the parameters that are asked for, of those of force laws, then of given values and
+        Names of the parameters of interest, of those of force laws, then of given values and
         ``gain <channel>``.
     base : (P + C + E,) array
-        Parameter vector where no coordinate changes it: the car's parameters, the gains of the
+        Parameter vector before changes by coordinates: the car's parameters, the gains of the
         sensors, and the coordinates of force laws.
     element : (p,) int array
-        Element of that vector which each coordinate determines.
+        Element of that vector that each coordinate determines.
     log : (p,) bool array
         Whether that element is exp(centre + scale z) or centre + scale z.
     centre, scale : (p,) arrays
@@ -58,11 +58,11 @@ class Coordinates:
     factor : (p, p) array
         Upper triangular; its product Uᵀ U is the prior correlation.
     tied : dict of str to (str, float)
-        Parameters that are a constant multiple of another one, which has their unknown.
+        Parameters that are a constant multiple of another one, with which they share an unknown.
     effects : tuple of EffectParameter
         Parameters of effects, those of force laws first.
     by_effect : (E', p) array
-        Prior covariance of each of these with the coordinates.
+        Prior covariance of each of these parameters with the coordinates.
     """
 
     car: CarModel
@@ -82,7 +82,7 @@ class Coordinates:
 
     @property
     def estimands(self) -> tuple[str, ...]:
-        """Names of the parameters that are asked for, which come first."""
+        """Names of the parameters of interest, which come first."""
         return tuple(name for name in self.car.estimated if name in self.names)
 
     @property
@@ -92,7 +92,7 @@ class Coordinates:
 
     @property
     def law_effects(self) -> tuple[EffectParameter, ...]:
-        """Parameters of force laws, whose coordinates follow those of the answers."""
+        """Parameters of force laws; their coordinates follow the parameters of interest."""
         return tuple(e for e in self.effects if e.placed.effect.code >= 0)
 
     def effect_moments(self, mean: Array, covariance: Array) -> tuple[Array, Array]:
@@ -101,18 +101,20 @@ class Coordinates:
         Parameters
         ----------
         mean, covariance : (p,) and (p, p) arrays
-            Belief about the coordinates of the filter.
+            Mean and covariance of the coordinates of the filter.
         """
         if not self.effects:
             return np.zeros(0), np.zeros(0)
         prior = self.factor.T @ self.factor
-        by = np.linalg.solve(prior, self.by_effect.T).T
-        left = 1.0 - np.sum(by * self.by_effect, axis=1)
-        variance = np.sum((by @ covariance) * by, axis=1) + np.maximum(left, 0.0)
-        return by @ mean, np.sqrt(variance)
+        regression = np.linalg.solve(prior, self.by_effect.T).T
+        unexplained = 1.0 - np.sum(regression * self.by_effect, axis=1)
+        variance = np.sum((regression @ covariance) * regression, axis=1) + np.maximum(
+            unexplained, 0.0
+        )
+        return regression @ mean, np.sqrt(variance)
 
     def log_parameters(self, z: Array) -> Array:
-        """Logarithms (…, na) of the answers (SI units) at coordinates (…, na or more)."""
+        """Logarithms (…, na) of the parameters of interest (SI) at coordinates (…, na or more)."""
         na = len(self.estimands)
         return np.asarray(self.centre[:na] + self.scale[:na] * z[..., :na])
 
@@ -132,8 +134,8 @@ class Coordinates:
         Parameters
         ----------
         seconds : float or None
-            Time constant: in this time the answers change by :data:`WALK_SHARE`, one standard
-            deviation; None for constant parameters.  Given values are always constant.
+            Time constant, in which the parameters of interest change by :data:`WALK_SHARE` (one
+            standard deviation); None for constant parameters.  Given values are always constant.
         """
         out = np.zeros(len(self))
         na = len(self.estimands)
@@ -157,14 +159,15 @@ def coordinates(
     channels : sequence of C str
         Names of the channels.
     scale_sd : (C,) sequence of float, optional
-        Relative standard deviation of each sensor's scale, zero where it is exact, as by default.
+        Relative standard deviation of each sensor's scale; zero if it is exact, which is the
+        default.
     placed_effects : sequence of PlacedEffect
         Effects that the car or its sensors have.
 
     Returns
     -------
     Coordinates
-        With the priors of :mod:`bayes_asv.posterior.parameters`.
+        Coordinates with the priors of :mod:`bayes_asv.posterior.parameters`.
 
     Raises
     ------
@@ -179,7 +182,7 @@ def coordinates(
     chosen: list[tuple[tuple[str, float, float], ...]] = []  # terms of each coordinate
     rows: list[tuple[str, int, bool, float, float]] = []
     tied: dict[str, tuple[str, float]] = {}
-    alike: dict[object, CarParameter] = {}
+    by_terms: dict[object, CarParameter] = {}
     laws = [e for e in effects if e.placed.effect.code >= 0]
     first = len(car.parameters) + len(channels)
     for number in order:
@@ -192,7 +195,7 @@ def coordinates(
         sd = _deviation(one.terms)
         if sd == 0.0:
             continue
-        other = alike.setdefault((one.terms, one.kind), one)
+        other = by_terms.setdefault((one.terms, one.kind), one)
         if other is not one:
             tied[one.name] = other.name, one.nominal / other.nominal
             continue
@@ -200,14 +203,14 @@ def coordinates(
         log = one.kind != "fraction"
         rows.append((one.name, number, log, math.log(one.nominal) if log else one.nominal, sd))
     for number, (name, sd) in enumerate(zip(channels, scale_sd, strict=True), len(car.parameters)):
-        own = [(f"gain {name}", 1.0, sd)]
-        own += [
+        gain_terms = [(f"gain {name}", 1.0, sd)]
+        gain_terms += [
             (effect.name, 1.0, effect.parameter.prior_scale)
             for effect in effects
             if name in effect.placed.channels(channels)
         ]
-        if (total := _deviation(own)) > 0.0:
-            chosen.append(tuple(own))
+        if (total := _deviation(gain_terms)) > 0.0:
+            chosen.append(tuple(gain_terms))
             rows.append((f"gain {name}", number, True, 0.0, total))
     names, element, log_, centre, scale = zip(*rows, strict=True)
     unknowns = sorted({name for terms in chosen for name, _, _ in terms})

@@ -18,16 +18,16 @@ Array = NDArray[np.float64]
 
 @dataclass(frozen=True)
 class NoiseAdaptation:
-    """Noise factors, autocovariance of the innovations, and the decisions that follow from them.
+    """Noise factors, autocovariance of the innovations, and decisions based on them.
 
     Parameters
     ----------
     at : Statistics
-        Places of the statistics.
+        Indices of the statistics.
     outputs : int
         Number of outputs, ny.
     statistics, autocovariance : arrays
-        Of the filter's state; changed in place.
+        Parts of the filter's state; changed in place.
     settings : FilterSettings
         Thresholds.
     """

@@ -41,13 +41,13 @@ class _System(NamedTuple):
     A : (nx, nx) array
         System matrix.
     drive : (nx, ne) array
-        By readings of the inputs, divided by the gains of their sensors.
+        Input matrix for readings of the inputs: includes the gains of their sensors.
     bare : (nx, ne) array
-        By accelerations of the wheels.
+        Input matrix for accelerations of the wheels.
     C : (ny, nx) array
-        Outputs by states, without the gains of their sensors.
+        Output matrix, without the gains of sensors.
     gain : (ny,) array
-        Those gains.
+        Gains of the outputs' sensors.
     phi, gamma : (nx, nx) and (nx, ne) arrays
         Transition over a step.
     """
@@ -75,7 +75,7 @@ def run(
     Raises
     ------
     ValueError
-        For a fixed reference, which filterpy's filter does not have.
+        For a fixed reference, which filterpy does not support.
     """
     if fixed:
         raise ValueError("the reference filter has no fixed reference")
@@ -186,7 +186,7 @@ class _ReferenceFilter:
         return np.asarray(read + s[self.bias] + s[self.output_noise])
 
     def split_noise(self) -> None:
-        """Split the noise of sensors with a filter in what is white and what passed the filter."""
+        """Split the noise of sensors with a filter into a white and a filtered part."""
         count = self.sizes.elements + self.sizes.outputs
         share = self.statistics[self.model.at.white_share]
         self.noise = self.model.arrays.noise.copy()
@@ -198,7 +198,7 @@ class _ReferenceFilter:
         return np.asarray(self.model.arrays.share @ noise_factor)
 
     def process_noise(self, h: float, spread: Array, noise_factor: Array) -> Array:
-        """Covariance that a step adds to motion and filtered noise."""
+        """Process noise of a step: covariance added to motion and filtered noise."""
         ne, count = self.sizes.elements, self.sizes.elements + self.sizes.outputs
         noise, factor = self.noise, self.input_factors(noise_factor)
         A = self.matrices(self.ukf.x[: self.p]).A
@@ -214,9 +214,9 @@ class _ReferenceFilter:
         return np.asarray(Q)
 
     def interactions(self) -> tuple[Array, Array]:
-        """Variances due to uncertain parameters times uncertain state.
+        """Variances due to products of uncertain parameters and uncertain state.
 
-        Of the rates of change that are states, and of the outputs without their gains.
+        For the rates of change that are states, and for the outputs without their gains.
         """
         p = self.p
         L = _upper_root(self.ukf.P).T
@@ -272,11 +272,11 @@ class _ReferenceFilter:
         self.advance_timers(h)
 
     def redraw(self) -> None:
-        """Draw the sigma points of the present belief."""
+        """Draw the sigma points of the current distribution."""
         self.ukf.sigmas_f = self.ukf.points_fn.sigma_points(self.ukf.x, self.ukf.P)
 
     def predict_measurement(self, noise_factor: Array) -> tuple[Array, Array, Array, Array]:
-        """Mean and covariance of the readings, their noise, and the interaction part of it."""
+        """Mean and covariance of the readings, their noise, and its interaction part."""
         h = np.array([self.measure(s) for s in self.ukf.sigmas_f])
         gain = self.matrices(self.ukf.x[: self.p]).gain
         interaction = np.outer(gain, gain) * self.interactions()[1]
@@ -288,7 +288,7 @@ class _ReferenceFilter:
     def condition(
         self, kind: NDArray[np.int8], reading: Array, noise_factor: Array, row: Array
     ) -> tuple[float, int]:
-        """Condition on the readings of an instant: values jointly, a bound by itself."""
+        """Condition on the readings of an instant: values jointly, bounds one by one."""
         at, into, ny = self.model.at, self.model.into, self.sizes.outputs
         mean, S, R, interaction = self.predict_measurement(noise_factor)
         row[into.predicted : into.predicted + ny] = mean
@@ -303,10 +303,10 @@ class _ReferenceFilter:
                 mean, S, R, interaction = self.predict_measurement(noise_factor)
             noise = R.copy()
             value = reading.copy()
-            expected, left = mean.copy(), S.copy()  # given the readings of the group so far
+            expected, covariance = mean.copy(), S.copy()  # given the readings of the group so far
             used: list[int] = []
             for y in group:
-                predicted, variance = expected[y], left[y, y]
+                predicted, variance = expected[y], covariance[y, y]
                 if kind[y] == VALUE:
                     nu = value[y] - predicted
                     nis = nu**2 / variance
@@ -329,9 +329,9 @@ class _ReferenceFilter:
                     extra = variance * max(nis / self.settings.gate - 1.0, 0.0)
                 else:
                     sign = 1.0 if kind[y] == AT_LEAST else -1.0
-                    beyond = sign * (value[y] - predicted)
-                    if beyond > 0.0 and beyond**2 > self.settings.gate * variance:
-                        gated = beyond**2 / self.settings.gate - variance
+                    excess = sign * (value[y] - predicted)
+                    if excess > 0.0 and excess**2 > self.settings.gate * variance:
+                        gated = excess**2 / self.settings.gate - variance
                         noise[y, y] += gated
                         variance += gated
                     root = math.sqrt(variance)
@@ -344,9 +344,9 @@ class _ReferenceFilter:
                     value[y] = predicted + sign * hazard * root / shrink
                     extra = variance * (1.0 / shrink - 1.0)
                 noise[y, y] += extra
-                gain = left[:, y] / (variance + extra)
+                gain = covariance[:, y] / (variance + extra)
                 expected = expected + gain * (value[y] - predicted)
-                left = left - np.outer(gain, left[y])
+                covariance = covariance - np.outer(gain, covariance[y])
                 used.append(y)
             if used:
                 self.update(value, noise, used)
@@ -369,7 +369,7 @@ class _ReferenceFilter:
             self.set_parameters(mean, covariance)
 
     def set_parameters(self, mean: Array, covariance: Array) -> None:
-        """Replace the belief about the parameters; that about the state given them stays."""
+        """Replace the distribution of the parameters; that of the state given them is unchanged."""
         p, x, P = self.p, self.ukf.x, self.ukf.P
         slope = np.linalg.solve(P[:p, :p], P[:p, p:]).T
         residual = P[p:, p:] - slope @ P[:p, p:]
@@ -381,7 +381,7 @@ class _ReferenceFilter:
         P[p:, p:] = residual + slope @ covariance @ slope.T
 
     def is_excited(self, h: float) -> bool:
-        """Whether the car moves enough for its readings to carry information on the parameters."""
+        """Whether the car moves enough for its readings to be informative about the parameters."""
         p, at, ny = self.p, self.model.at, self.sizes.outputs
         L = _upper_root(self.ukf.P).T
         system = self.matrices(self.ukf.x[:p])

@@ -1,13 +1,13 @@
-"""Relinearization of the online filter over a window of recent steps.
+"""Relinearisation of the online filter over a window of recent steps.
 
-An unscented filter linearizes at its estimate when a reading comes.  While the parameters are
-nearly unknown that estimate is far off, and what the filter infers there cannot be corrected later.
-So the filter keeps the window since it knew little.  When it has learnt more, the window is run
-again with a fixed reference at the estimate and sigma points spread by the present uncertainty, and
-this is iterated until the estimate stays (posterior linearization; García-Fernández et al. 2015).
-Motion and biases at the start of the window are unknowns too, because a state that is inferred from
-the first readings depends on the parameters as much as they do.  Each round is a Gauss–Newton step
-on the log-posterior of the window, shortened if it would decrease it.
+An unscented filter linearises at its estimate when a reading arrives.  While the parameters are
+almost unknown that estimate is far off, and the resulting errors cannot be corrected later.  The
+filter therefore keeps the window of steps since then.  With more information, the window is
+filtered again with a fixed reference at the estimate and sigma points spread by the current
+uncertainty, and this is iterated until the estimate converges (posterior linearisation;
+García-Fernández et al. 2015).  Motion and biases at the start of the window are unknowns too,
+because a state that is inferred from the first readings depends on the parameters.  Each iteration
+is a Gauss–Newton step on the log-posterior of the window, shortened if it would decrease it.
 """
 
 from __future__ import annotations
@@ -26,12 +26,12 @@ __all__ = ["Window", "concatenate_steps", "relinearize", "slice_steps"]
 
 Array = NDArray[np.float64]
 
-_MAX_ROUNDS = 10
-_CONVERGED = 0.05  # standard deviations by which the estimate moves
-_MAX_MOVE = 1.5  # prior standard deviations of a parameter in one round
-_SHORTEN = 0.4
-_MIN_LENGTH = 0.02  # of a Gauss–Newton step
-_TOLERANCE = 0.02  # on −2 log p
+_MAX_ROUNDS = 10  # largest number of iterations
+_CONVERGED = 0.05  # change of the estimate below which it has converged, standard deviations
+_MAX_MOVE = 1.5  # largest change of a parameter in one iteration, prior standard deviations
+_SHORTEN = 0.4  # factor by which a step is shortened
+_MIN_LENGTH = 0.02  # shortest step, relative to the Gauss–Newton step
+_TOLERANCE = 0.02  # tolerance of −2 log p
 
 
 @dataclass(frozen=True)
@@ -90,7 +90,7 @@ class _JointPrior:
         D[:p, :p] = start.D
         statistics = statistics.copy()
         fast = model.at.fast_factor
-        statistics[fast : fast + ny] = 1.0  # the slow factor holds for the window
+        statistics[fast : fast + ny] = 1.0  # the slow factor applies to the whole window
         statistics[model.at.last_step] = start.statistics[model.at.last_step]
         return cls(
             model=model,

@@ -1,4 +1,4 @@
-"""Noise, resolution, bandwidth and range of a car's sensors, as the filter needs them."""
+"""Noise, resolution, bandwidth and range of a car's sensors, for the online filter."""
 
 from __future__ import annotations
 
@@ -21,10 +21,10 @@ Array = NDArray[np.float64]
 
 # Weights of five samples in the error of the cubic through the outer four at the middle one.
 _INTERPOLATION_ERROR = np.array([1.0, -4.0, 6.0, -4.0, 1.0]) / 6.0
-_MIN_READINGS = 8  # for an estimate of the noise
-_CLIP, _ROUNDS = 3.0, 10  # deviations that count, and how often they are found anew
-_CLIPPED = 0.9866  # deviation of a standard normal variable within three
-# Noise with fewer readings, SI units: 10 mg, 0.2 °/s and 1 mm.
+_MIN_READINGS = 8  # least number of readings for an estimate of the noise
+_CLIP, _ROUNDS = 3.0, 10  # differences that are used, in noise levels, and number of iterations
+_CLIPPED = 0.9866  # standard deviation of a standard normal variable truncated at three
+# Noise that is assumed with fewer readings, SI units: 10 mg, 0.2 °/s and 1 mm.
 _UNKNOWN_NOISE = {"acceleration": 0.1, "angular_rate": 4e-3, "deflection": 1e-3}
 
 
@@ -37,17 +37,17 @@ class SensorModel:
     car : CarModel
         The car.
     channels : tuple of Channel
-        What they measure.
+        The channels.
     noise : (C,) array
-        Standard deviation of one sample without quantization, SI units; NaN where it is not given.
+        Standard deviation of one sample without quantization, SI units; NaN if undeclared.
     resolution : (C,) array
-        Quantization step, SI units; zero where there is none.
+        Quantization step, SI units; zero without one.
     bandwidth : float or None
         Common pole of all readings after bandwidth matching, Hz.
     bandwidths : tuple of float or None
         Pole of each sensor, Hz.
     low, high : (C,) arrays
-        Limits of the range less half a quantization step, SI units: readings beyond are clipped.
+        Limits of the range less half a quantization step, SI units; readings beyond are clipped.
     """
 
     car: CarModel
@@ -61,31 +61,31 @@ class SensorModel:
 
     @property
     def inputs(self) -> tuple[int, ...]:
-        """Numbers of the channels that are the inputs of the elements, in their order."""
+        """Indices of the channels that are the inputs of the elements, in the elements' order."""
         by_element = {self.car.element_of(x): c for c, x in enumerate(self.channels) if x.is_input}
         return tuple(by_element[e] for e in range(len(self.car.elements)))
 
     @property
     def outputs(self) -> tuple[int, ...]:
-        """Numbers of the output channels."""
+        """Indices of the output channels."""
         return tuple(c for c, channel in enumerate(self.channels) if not channel.is_input)
 
     @property
     def poles(self) -> Array:
         """Pole (C,) that the readings passed, rad/s; zero without one.
 
-        An accelerometer without a bandwidth is taken to be like the slowest of the others; another
-        sensor without one is taken to have no filter.
+        An accelerometer without a declared bandwidth is assumed to be like the slowest of the
+        others; any other sensor without one is assumed to have no filter.
         """
         filtered = [
-            own is not None or channel.quantity == "acceleration"
-            for own, channel in zip(self.bandwidths, self.channels, strict=True)
+            bandwidth is not None or channel.quantity == "acceleration"
+            for bandwidth, channel in zip(self.bandwidths, self.channels, strict=True)
         ]
         return np.where(filtered, 2.0 * math.pi * (self.bandwidth or 0.0), 0.0)
 
     @property
     def output_models(self) -> tuple[Output, ...]:
-        """Outputs, and whether each passed the common filter."""
+        """Models of the outputs, including whether each passed the common filter."""
         pole = 2.0 * math.pi * (self.bandwidth or 0.0)
         return tuple(
             Output(self.channels[c], 1.0 / pole if pole > 0.0 and self.poles[c] == 0.0 else 0.0)
@@ -93,7 +93,7 @@ class SensorModel:
         )
 
     def noise_parameters(self) -> Array:
-        """Noise (3 C,) as ``ukf_state.Model`` takes it: white, filtered and poles.
+        """Noise (3 C,) for ``ukf_state.Model``: white, filtered and poles.
 
         The noise of a sensor passes its filter, if it has one; quantization noise is white.
         """
@@ -104,7 +104,7 @@ class SensorModel:
         return np.concatenate([white, np.where(poles > 0.0, variance, 0.0), poles])
 
     def interpolation_noise(self, channel: int, rate: float) -> float:
-        """Variance (m²/s⁴) of the error of a cubic through four neighbours for noise alone."""
+        """Variance (m²/s⁴) of the error of a cubic through four neighbours due to noise alone."""
         lags = np.abs(np.subtract.outer(np.arange(5), np.arange(5)))
         correlation = np.exp(-self.poles[channel] * lags / rate) if self.bandwidth else lags == 0
         w = _INTERPOLATION_ERROR
@@ -113,9 +113,9 @@ class SensorModel:
 
     def estimated(self, channel: int, time: Array, signal: Array) -> float:
         """Estimate the noise of one sample of a channel from its readings, SI units."""
-        there = np.isfinite(signal)
+        finite = np.isfinite(signal)
         return estimate_noise(
-            time[there], signal[there], float(self.resolution[channel]),
+            time[finite], signal[finite], float(self.resolution[channel]),
             float(self.poles[channel]), _UNKNOWN_NOISE[self.channels[channel].quantity],
         )  # fmt: skip
 
@@ -123,18 +123,19 @@ class SensorModel:
 def sensor_model(
     vehicle: Vehicle, car: CarModel, names: Sequence[str], counts: Sequence[bool] | None = None
 ) -> SensorModel:
-    """Collect the figures of a car's sensors.
+    """Collect the properties of a car's sensors.
 
     Parameters
     ----------
     vehicle : Vehicle
-        As read.
+        Vehicle as read.
     car : CarModel
-        Its model, which explains all the channels.
+        Its model, which includes all the channels.
     names : sequence of C str
         Names of the channels.
     counts : sequence of C bool, optional
-        Channels in counts, whose scale is then their quantization step; none by default.
+        Whether each channel is in counts, so that its scale is its quantization step; none by
+        default.
 
     Returns
     -------
@@ -182,10 +183,10 @@ def estimate_noise(
 ) -> float:
     """Estimate the noise of one sample from readings that begin at standstill.
 
-    Third differences take out what is smooth.  White noise of variance σ² leaves 20 σ² in them,
-    noise with a correlation ρ from one reading to the next 20 − 30 ρ + 12 ρ² − 2 ρ³ times σ².
-    Those beyond three deviations are left out, since the car may begin to move; the first
-    deviation is that of the quietest quarter.
+    Third differences remove smooth motion.  For white noise of variance σ² their variance is 20 σ²,
+    for noise with a correlation ρ between readings it is 20 − 30 ρ + 12 ρ² − 2 ρ³ times σ².
+    Differences beyond three standard deviations are left out, since the car may begin to move; the
+    initial value is that of the quarter with the least motion.
 
     Parameters
     ----------
@@ -194,9 +195,9 @@ def estimate_noise(
     resolution : float
         Quantization step, SI units.
     pole : float
-        Of the sensor's filter, rad/s; zero without one.
+        Pole of the sensor's filter, rad/s; zero without one.
     unknown : float
-        Noise where there are too few readings or all are equal, SI units.
+        Noise if there are too few readings or all are equal, SI units.
     """
     if len(readings) < _MIN_READINGS or np.ptp(readings) == 0.0:
         return max(resolution, unknown)
@@ -204,9 +205,9 @@ def estimate_noise(
     differences = np.abs(np.diff(readings, 3)) / math.sqrt(20.0)
     level = quiet_level(readings, resolution)
     for _ in range(_ROUNDS):
-        left = differences[differences < _CLIP * level]
-        level = max(float(np.sqrt(np.mean(left**2))) / _CLIPPED, steps, 1e-6)
-    # What the converter adds stays in: noise that is stated too small is worse than too large.
+        small = differences[differences < _CLIP * level]
+        level = max(float(np.sqrt(np.mean(small**2))) / _CLIPPED, steps, 1e-6)
+    # quantization noise is kept: an underestimated noise level is worse than an overestimated one
     rho = math.exp(-pole * float(np.median(np.diff(time)))) if pole else 0.0
     share = (20.0 - 30.0 * rho + 12.0 * rho**2 - 2.0 * rho**3) / 20.0
     return math.sqrt(max(level**2 - steps**2, 0.0) / share + steps**2)

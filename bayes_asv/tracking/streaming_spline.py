@@ -1,7 +1,7 @@
-"""Spline of a wheel's acceleration that grows as samples arrive, with a fixed lookahead.
+"""Spline of a wheel's acceleration that is extended as samples arrive, with a fixed lookahead.
 
-The spline is that of :mod:`bayes_asv.preprocessing.wheel_spline` up to the influence of samples
-beyond the lookahead.  The size of chunks has no effect.
+Except for the influence of samples beyond the lookahead, the spline is that of
+:mod:`bayes_asv.preprocessing.wheel_spline`.  The size of chunks has no effect.
 """
 
 from __future__ import annotations
@@ -24,14 +24,14 @@ Array = NDArray[np.float64]
 Flags = NDArray[np.bool_]
 
 LOOKAHEAD = 4
-"""Samples after the start of an interval that its spline waits for.
+"""Number of samples after the start of an interval that its spline waits for.
 
 The spline itself needs two, since the influence of a sample decays by 0.27 per sample; the
 interpolation errors around the interval need two more.
 """
 
-_SAME_INSTANT = 1e-9  # s
-_MAX_CLIPPED = 4  # consecutive clipped samples that wait for their neighbours
+_SAME_INSTANT = 1e-9  # difference of times below which they are the same instant, s
+_MAX_CLIPPED = 4  # largest number of consecutive clipped samples that wait for their neighbours
 
 
 class StreamingSpline:
@@ -40,7 +40,7 @@ class StreamingSpline:
     Parameters
     ----------
     noise : float
-        Variance of the interpolation error (cubic through four neighbours) for noise alone, m²/s⁴.
+        Variance of the interpolation error (cubic through four neighbours) due to noise, m²/s⁴.
     max_gap : float
         Longest interval between two samples that the spline may span, s.
     """
@@ -185,15 +185,15 @@ class StreamingSpline:
         excursion = np.zeros(count)
         clipped = side != 0.0
         if clipped.any():
-            near = slice(max(len(self._time) - 2, 0), len(self._time))
-            t = np.concatenate([self._time[near], time[~clipped]])
-            v = np.concatenate([self._value[near], value[~clipped]])
+            last_two = slice(max(len(self._time) - 2, 0), len(self._time))
+            t = np.concatenate([self._time[last_two], time[~clipped]])
+            v = np.concatenate([self._value[last_two], value[~clipped]])
             guess = _lagrange(t, v, time[clipped]) if len(t) else value[clipped]
-            beyond = side[clipped] * (guess - value[clipped])
-            # A cubic over a wide gap can point anywhere: never further than the rail itself.
-            beyond = np.clip(beyond, 0.0, np.abs(value[clipped]))
-            value[clipped] += side[clipped] * beyond
-            excursion[clipped] = np.maximum(beyond, 0.1 * np.abs(value[clipped]))
+            excursion_beyond = side[clipped] * (guess - value[clipped])
+            # a cubic over a wide gap is unreliable: limit the excursion to the value of the rail
+            excursion_beyond = np.clip(excursion_beyond, 0.0, np.abs(value[clipped]))
+            value[clipped] += side[clipped] * excursion_beyond
+            excursion[clipped] = np.maximum(excursion_beyond, 0.1 * np.abs(value[clipped]))
         self._append(time, value, excursion)
 
     def _append(self, time: Array, value: Array, excursion: Array) -> None:

@@ -1,9 +1,8 @@
 """Conversion of rows, as they arrive, into time steps and readings for the filter.
 
-It does what :mod:`bayes_asv.preprocessing.prepare` does with a whole recording: true sampling
-times of every channel, matched bandwidths, splines through the wheels' samples, readings of the
-outputs in order of time.  A row is held back until all wheels' splines are final around its
-readings
+It does what :mod:`bayes_asv.preprocessing.prepare` does with a whole recording: true sampling times
+of every channel, equal bandwidths, splines through the wheels' samples, readings of the outputs in
+order of time.  A row is held back until all wheels' splines are final around its readings
 (:data:`bayes_asv.tracking.streaming_spline.LOOKAHEAD`).  The size of chunks has no effect.
 """
 
@@ -39,11 +38,10 @@ __all__ = ["Rows", "StreamingTimeline", "TimelineChunk", "max_gap", "max_step"]
 
 Array = NDArray[np.float64]
 
-# A step of h truncates the moments' series with a relative error of (λh)⁸/8!, see
-# preprocessing.prepare.
-# Longest gap between two samples of a wheel that a spline spans: the longer of
-_GAP_ROWS = 6.0  # rows
-_GAP_SECONDS = 0.02  # s
+# Longest gap between two samples of a wheel that a spline spans: the longer one of a number of rows
+# and a time, s.
+_GAP_ROWS = 6.0
+_GAP_SECONDS = 0.02
 
 
 class Rows(NamedTuple):
@@ -54,10 +52,10 @@ class Rows(NamedTuple):
     stamp : (R,) array
         Stamps, s.
     step : (R, ny) int array
-        Index of the step that ends at the reading of each output, counted from the first step
-        ever; −1 where there is none.
+        Index of the step that ends at the reading of each output, counted from the first step of
+        the timeline; −1 without a reading.
     measured : (R, ny) array
-        Those readings, SI units; NaN where one is missing or clipped, or where a wheel is unknown.
+        Those readings, SI units; NaN if missing or clipped, or if the motion of a wheel is unknown.
     """
 
     stamp: Array
@@ -116,18 +114,18 @@ def max_gap(rate: float) -> float:
 
 
 class _Stillness:
-    """Tells rows at which channels hardly move on coarse converters.
+    """Detects rows at which channels with coarse converters hardly move.
 
-    The errors of a converter whose reading stands still are no white noise: they stay as they are
+    The quantization error of a channel at rest is not white noise: it is constant
     (:mod:`bayes_asv.preprocessing.quantization`).
 
     Parameters
     ----------
     sensors : SensorModel
-        With the noise of every channel.
+        Sensors with the noise of every channel.
     declared : (C,) bool array
-        Whether the noise was given.  Otherwise it is learnt from the readings, at standstill as
-        well, whatever its cause.
+        Whether the noise is declared.  Otherwise it is estimated from the readings, also at
+        standstill, and includes this error.
     rate : float
         Rows per second, Hz.
     """
@@ -146,7 +144,7 @@ class _Stillness:
         self._before = np.full((len(coarse), self._window - 1), np.nan)
 
     def update(self, value: Array) -> tuple[NDArray[np.bool_], NDArray[np.bool_]]:
-        """Whether each channel stands still, and moves slowly, at rows (C, n)."""
+        """Whether each channel is at rest, and whether it moves slowly, at rows (C, n)."""
         if not self.variance.any():
             none = np.zeros(value.shape, bool)
             return none, none
@@ -170,7 +168,7 @@ class StreamingTimeline:
     vehicle : Vehicle
         Gives delays.
     sensors : SensorModel
-        With the noise of every channel; its car limits the step.
+        Sensors with the noise of every channel; its car limits the step.
     rate : float
         Rows per second, Hz.
     timing : Timing, optional
@@ -181,8 +179,8 @@ class StreamingTimeline:
         self, vehicle: Vehicle, sensors: SensorModel, rate: float, timing: Timing | None = None
     ) -> None:
         self._sensors = sensors
-        # At a rate that is refused as too slow, rows are gaps: stamps in a wrong unit would else
-        # take thousands of steps a row.
+        # at a rate that is refused as too low, rows are gaps; otherwise, time stamps in a wrong
+        # unit would need thousands of steps per row
         gap = max_gap(max(rate, min_sampling_rate(nominal_modes(sensors.car))))
         self._max_step = max_step(sensors.car)
         self._max_gap = gap
@@ -207,7 +205,7 @@ class StreamingTimeline:
         self._stillness = _Stillness(sensors, given, rate)
         self._origin: float | None = None
         self._last_stamp = -math.inf
-        self._end: float | None = None  # of the last step
+        self._end: float | None = None  # end of the last step
         self._step_count = 0
         # pending rows: stamp; times, readings, kinds and steps of the outputs
         ny = len(self._outputs)
@@ -217,7 +215,7 @@ class StreamingTimeline:
         self._kind = np.empty((0, ny), np.int8)
         self._step = np.empty((0, ny), np.int64)
         self._scheduled = np.empty((0, ny), bool)
-        # whether each input stands still, and what the readings are good for
+        # whether each input is at rest, and the use of the readings
         self._still = np.empty((0, len(self._inputs)), bool)
         self._use = np.empty(0, np.int8)
 
@@ -234,7 +232,7 @@ class StreamingTimeline:
         Raises
         ------
         InputError
-            When a stamp is not after the one before, or shapes do not match.
+            If a stamp is not after the one before, or if shapes do not match.
         """
         times = np.asarray(times, np.float64)
         acc = np.asarray(acc, np.float64)
@@ -250,11 +248,11 @@ class StreamingTimeline:
         return self._ready(everything=True)
 
     def complete(self) -> None:
-        """Fill what a checkpoint of an earlier version lacks of pending rows."""
-        lacking = len(self._stamp) - len(self._use)
-        if lacking:
-            self._still = np.zeros((lacking, len(self._inputs)), bool)
-            self._use = np.full(lacking, ALL, np.int8)
+        """Fill in columns of pending rows that a checkpoint of an earlier version lacks."""
+        missing = len(self._stamp) - len(self._use)
+        if missing:
+            self._still = np.zeros((missing, len(self._inputs)), bool)
+            self._use = np.full(missing, ALL, np.int8)
 
     def _check(self, times: Array, acc: Array) -> None:
         count = len(self._sensors.channels)
@@ -289,7 +287,7 @@ class StreamingTimeline:
         value[~np.isfinite(value)] = np.nan
         low = value <= self._sensors.low[:, None]
         high = value >= self._sensors.high[:, None]
-        # A clipped reading says that the truth is beyond the rail, whatever its value.
+        # a clipped reading means that the true value is beyond the rail, whatever it reads
         margin = 0.5 * self._sensors.resolution
         rails = self._sensors.low - margin, self._sensors.high + margin
         value = np.clip(value, rails[0][:, None], rails[1][:, None])
@@ -311,8 +309,8 @@ class StreamingTimeline:
         self._scheduled = np.concatenate([self._scheduled, np.zeros((n, ny), bool)])
         self._still = np.concatenate([self._still, still[self._inputs].T])
         use = np.where(slow[self._inputs].all(axis=0), STATES, ALL)
-        # What does not move tells only a zero that is off by up to a step, the more believed the
-        # longer it waits.
+        # at rest, a coarse converter reads a constant that is wrong by up to a step, and whose
+        # uncertainty would be underestimated more and more
         use[still.all(axis=0)] = NOTHING
         self._use = np.concatenate([self._use, use.astype(np.int8)])
 
@@ -320,7 +318,7 @@ class StreamingTimeline:
         """Schedule the readings before the horizon, and return the rows that are complete."""
         if not len(self._stamp):
             return TimelineChunk(self._no_steps(), Rows(self._stamp, self._step, self._reading))
-        # After the newest reading of an output an earlier one of another may still come.
+        # after the newest reading of one output, an earlier one of another output may still arrive
         horizon = min(*(w.horizon for w in self._wheels), *self._time[-1].tolist())
         if everything:
             horizon = math.inf
@@ -333,7 +331,7 @@ class StreamingTimeline:
         steps = self._no_steps()
         if covered.any():
             steps = self._schedule(row[covered], output[covered], time[covered])
-        # reduce over the transpose: over rows of two columns it is slow
+        # a reduction over the transpose: that over rows of two columns is slow
         done = np.logical_and.reduce(np.ascontiguousarray(self._scheduled.T))
         complete = int(np.argmin(np.append(done, False)))
         measured = np.where(self._kind[:complete] == VALUE, self._reading[:complete], np.nan)
@@ -348,7 +346,7 @@ class StreamingTimeline:
         return TimelineChunk(steps, rows)
 
     def _schedule(self, row: NDArray[np.int64], output: NDArray[np.int64], time: Array) -> Steps:
-        """Make steps that end at readings, divided where they would be too long."""
+        """Make steps that end at readings; divide steps that would be too long."""
         order = np.argsort(time, kind="stable")
         row, output, time = row[order], output[order], time[order]
         start = float(time[0]) if self._end is None else self._end
@@ -378,8 +376,8 @@ class StreamingTimeline:
         # the row at whose reading a step, or the last part of it, ends
         row_of_step = row[new][np.searchsorted(end, np.arange(total))]
         use = self._use[row_of_step]
-        doubt = self._stillness.variance[self._inputs] * self._still[row_of_step]
-        spread[:, ne:] += doubt * spread[:, :ne]
+        standstill_noise = self._stillness.variance[self._inputs] * self._still[row_of_step]
+        spread[:, ne:] += standstill_noise * spread[:, :ne]
         kind = np.full((total, ny), MISSING, np.int8)
         reading = np.zeros((total, ny))
         at = end[instant]

@@ -26,9 +26,9 @@ __all__ = ["TrackResult", "conclude", "track"]
 
 Array = NDArray[np.float64]
 
-_STEP = 1e-4  # of a coordinate
-_CHUNK = 16_384  # rows
-_REFERENCE_CHUNK = 64  # rows, so that the progress of the slow engine is visible
+_STEP = 1e-4  # step of finite differences of a coordinate
+_CHUNK = 16_384  # rows that are processed at a time
+_REFERENCE_CHUNK = 64  # the same for the slow engine, few enough to show its progress
 
 
 @dataclass(frozen=True)
@@ -40,13 +40,13 @@ class TrackResult:
     verdict : str
         ``ok`` or ``refused``.
     reasons, warnings : tuple of str
-        Why the recording was refused; faults that the filter coped with.
+        Reasons for a refusal; faults that the filter tolerated.
     vehicle : Vehicle
-        The car as given.
+        Declared vehicle and sensors.
     source, sha256 : str
-        Name and hash of the recording; name of a port and an empty string.
+        Name and hash of the recording, or name of a port and an empty string.
     frames : Frames
-        Results after each row; of a long drive from a port after some of them
+        Results after each row; for a long drive from a port, decimated
         (:class:`bayes_asv.tracking.frames.DecimatedFrames`).
     rows : int
         Number of rows.
@@ -55,11 +55,11 @@ class TrackResult:
     coordinates : Coordinates
         Coordinates of the parameters.
     mean, covariance : (p,) and (p, p) arrays
-        Of the coordinates after the last row.
+        Mean and covariance of the coordinates after the last row.
     consistency : ConsistencySummary
         Consistency of the filter.
     noise : (C,) array
-        Given or estimated noise of each sensor, SI units.
+        Declared or estimated noise of each sensor, SI units.
     resets : tuple of float
         Times at which the motion was reset, s after the first row.
     channels : tuple of Channel
@@ -72,8 +72,9 @@ class TrackResult:
         Implementation of the filter.
     seconds : float
         Computing time, s.
-    doubt : Doubt or None
-        Why no verdict on a damper may rest on it; ``reasons`` or ``warnings`` begin with it.
+    doubt : InputCheck or None
+        Result of the input check, if it argues against a verdict on a damper; ``reasons`` or
+        ``warnings`` then begin with its message.
     """
 
     verdict: str
@@ -101,17 +102,17 @@ class TrackResult:
 
     @property
     def nominal(self) -> dict[str, float]:
-        """Nominal value of every parameter and of what is derived from them, SI units."""
+        """Nominal value of every parameter and derived quantity, SI units."""
         return {name: float(x[0]) for name, x in self._values(None).items()}
 
     @property
     def derived(self) -> tuple[str, ...]:
-        """Names of what is derived from the parameters."""
+        """Names of the derived quantities."""
         derived = self.coordinates.car.derived
         return () if derived is None else tuple(derived(self.coordinates.car.nominal))
 
     def _values(self, z: Array | None) -> dict[str, Array]:
-        """Parameters and what is derived from them at coordinates (W, p), or nominal, each (W,)."""
+        """Parameters and derived quantities (W,) at coordinates (W, p), or nominal ones."""
         car = self.coordinates.car
         values = car.nominal
         if z is not None:
@@ -122,19 +123,19 @@ class TrackResult:
     @property
     def effects(self) -> dict[PlacedEffect, dict[str, Array]]:
         """Values, in place of draws, of the reported parameters of each effect, SI units."""
-        found: dict[PlacedEffect, dict[str, Array]] = {
+        values: dict[PlacedEffect, dict[str, Array]] = {
             placed: {} for placed in self.coordinates.placed_effects
         }
         moments = self.coordinates.effect_moments(self.mean, self.covariance)
         for effect, mean, sd in zip(self.coordinates.effects, *moments, strict=True):
             if not effect.parameter.shape:
-                found[effect.placed][effect.parameter.name] = effect.draws(float(mean), float(sd))
-        return found
+                values[effect.placed][effect.parameter.name] = effect.draws(float(mean), float(sd))
+        return values
 
     def log_moments(self, name: str) -> tuple[float, float]:
         """Mean and standard deviation of the logarithm of a parameter or a derived quantity.
 
-        The logarithm, which is linear in most coordinates, is linearized at the mean.
+        The logarithm, which is linear in most coordinates, is linearised at the mean.
         """
         p = len(self.coordinates)
         points = self.mean + _STEP * np.vstack([np.zeros(p), np.eye(p), -np.eye(p)])
@@ -144,7 +145,7 @@ class TrackResult:
 
     @cached_property
     def nominal_damping(self) -> NominalDamping | None:
-        """Whether nominal damping is mistaken; None where there is no verdict on the dampers."""
+        """Possible mistakes in nominal damping; None if there is no verdict on the dampers."""
         car = self.coordinates.car
         rates = {element.damping for element in car.elements}
         if self.verdict != "ok" or self.doubt is not None:
@@ -152,7 +153,7 @@ class TrackResult:
         return nominal_damping(car, {name: math.exp(self.log_moments(name)[0]) for name in rates})
 
     def probability_below_nominal(self, name: str) -> float:
-        """Return the probability that a quantity is below nominal, which may be mistaken."""
+        """Return the probability that a quantity is below nominal, allowing for a mistake."""
         mean, sd = self.log_moments(name)
         log_ratio = mean - math.log(self.nominal[name])
         p = 0.5 * math.erfc(log_ratio / max(sd, 1e-300) / math.sqrt(2.0))
@@ -176,7 +177,7 @@ def track(
     Parameters
     ----------
     recording : Recording
-        As read.
+        Recording as read.
     vehicle : Vehicle
         The car.
     car : str
@@ -195,10 +196,10 @@ def track(
     Raises
     ------
     InputError
-        When a channel is in counts and the vehicle lacks its calibration, or the recording lacks
-        what the car needs.
+        If a channel is in counts without a calibration, or if the recording lacks channels that the
+        car needs.
     """
-    began = time.perf_counter()
+    start_time = time.perf_counter()
     acc = accelerations(recording, vehicle).T
     tracker = tracker_for(
         recording, vehicle, car=car, effects=effects, forget=forget, engine=engine
@@ -216,7 +217,7 @@ def track(
         recording.source,
         recording.sha256,
         recording.warnings,
-        time.perf_counter() - began,
+        time.perf_counter() - start_time,
     )
 
 
@@ -233,9 +234,9 @@ def conclude(
     Parameters
     ----------
     tracker : Tracker
-        After its ``finish``.
+        Tracker after its ``finish``.
     frames : Frames
-        All its frames, or those that were kept.
+        All its frames, or decimated ones.
     source, sha256 : str
         Name and hash of the source.
     warnings : tuple of str
@@ -252,11 +253,11 @@ def conclude(
         mean, covariance = tracker.belief
         resets = tuple(tracker.filter.resets)
     reasons = tracker.unanswered(name)
-    doubt = tracker.input_doubt(name, refused=bool(reasons))
-    if doubt is not None and reasons:
-        reasons = [doubt.sentence, *reasons]
-    elif doubt is not None:
-        warnings = (doubt.sentence, *warnings)
+    input_check = tracker.input_doubt(name, refused=bool(reasons))
+    if input_check is not None and reasons:
+        reasons = [input_check.sentence, *reasons]
+    elif input_check is not None:
+        warnings = (input_check.sentence, *warnings)
     all_warnings = [*warnings, *checks.warnings(tracker.sensors, name)]
     channels = tracker.sensors.channels
     unknown = [c.name for c in channels if tracker.vehicle.sensor(c.name).noise is None]
@@ -287,5 +288,5 @@ def conclude(
         forget=tracker.forget,
         engine=tracker.engine,
         seconds=seconds,
-        doubt=doubt,
+        doubt=input_check,
     )

@@ -47,46 +47,47 @@ __all__ = ["Tracker", "tracker_for"]
 
 Array = NDArray[np.float64]
 
-# Of the recording, from which a noise level that is not given and biases are estimated.
+# Length of the beginning from which undeclared noise levels and biases are estimated, s.
 _NOISE_SECONDS = 0.5
-_LONGEST_FORGET = 1e6  # s; in eleven days of driving nothing changes
-# Bias along a twist of the wheels, m/s², that leaves 0.1 m after two seconds.
+_LONGEST_FORGET = 1e6  # longest time constant of the random walk, s: eleven days of driving
+# Bias along a twist of the wheels, m/s², that leads to a deflection of 0.1 m after two seconds.
 _STANDSTILL_SD = 0.05
-_ESTIMATED_PRIOR_READINGS = 4.0  # readings that such an estimate is worth
-# Steps are kept this long (s) for rows whose readings were scheduled at different times.
+_ESTIMATED_PRIOR_READINGS = 4.0  # weight of an estimated noise level, in readings
+# Time for which results of steps are kept, s, for rows with readings at different times.
 _RECENT_SECONDS = 1.2
-_MIN_RECENT = 64  # steps
-# After a fault, in which the filter has either learnt what changed or finds it at fault again.
+_MIN_RECENT = 64  # least number of steps that are kept
+# Time after a fault in which results are suspect, s: the filter has then either learnt the change,
+# or detects the fault again.
 _SUSPECT_SECONDS = 2.0 * DEFAULT_SETTINGS.fault_duration
 
 
 class Tracker:
-    """Tracks the parameters of a car that are asked for, and its suspension deflections, by rows.
+    """Tracks the parameters of interest of a car, and its suspension deflections, by rows.
 
     Parameters
     ----------
     vehicle : Vehicle
-        Nominal and known values, sensors.
+        Nominal and given values, and sensors.
     rate : float
         Rows per second, Hz.
     car : str
         Name of the car model, see :data:`bayes_asv.models.cars.CARS`.
     channels : sequence of str
-        Names of the channels in a row; those that the car does not explain are left out.
+        Names of the channels in a row; those that the car model does not use are ignored.
     effects : sequence of PlacedEffect
         Effects that the car or its sensors have.
     forget : float, optional
-        Time constant of the parameters' random walk, s: in this time those that are asked for
-        change by 10 %, one standard deviation; constant parameters without it.
+        Time constant of the parameters' random walk, s, in which the parameters of interest change
+        by 10 % (one standard deviation); constant parameters without it.
     engine : {'compiled', 'filterpy'}
         Implementation of the filter; the results are the same.
     timing : Timing, optional
         Delays and clocks of the recording.
     counts : sequence of bool, optional
-        Channels whose readings came in counts: their quantization step and the standard deviation
-        of their scale matter; none by default.
+        Whether the readings of each channel were in counts, which defines their quantization step
+        and the standard deviation of their scale; none by default.
     metadata : tuple of (key, value)
-        Of the recording, for the check of the input.
+        Metadata of the recording, for the input check.
 
     Attributes
     ----------
@@ -157,12 +158,12 @@ class Tracker:
         self.data_checks = DataChecks(rate, len(names))
         self._lively = LivelyRows(self._sensors.channels, metadata)
         self._standstill: StandstillBias | None = None
-        self._last_fault = -math.inf  # stamp of the last row at which the readings did not fit
+        self._last_fault = -math.inf  # stamp of the last row with a fault
         if self._noise_declared and not twists(model):
             self._start_filter(self._sensors)
 
     def _own_timing(self, timing: Timing | None) -> Timing | None:
-        """Clocks and delays of the channels that are used."""
+        """Clocks and delays of the used channels."""
         if timing is None:
             return None
         return Timing(
@@ -177,7 +178,7 @@ class Tracker:
 
     @property
     def sensors(self) -> SensorModel:
-        """The sensors, with the given or estimated noise."""
+        """The sensors, with declared or estimated noise."""
         return self._sensors
 
     @property
@@ -214,12 +215,12 @@ class Tracker:
         Returns
         -------
         Frames
-            Of the rows that are complete; the last few wait for their successors.
+            Frames of the complete rows; the last few rows wait for their successors.
 
         Raises
         ------
         InputError
-            When a stamp is not after the one before, or shapes do not match.
+            If a stamp is not after the one before, or if shapes do not match.
         """
         times, acc = np.asarray(times, np.float64), np.asarray(acc, np.float64)
         if times.ndim != 1 or acc.shape != (len(times), len(self.channels)):
@@ -235,7 +236,7 @@ class Tracker:
         return self._process(times, acc)
 
     def _process(self, times: Array, acc: Array) -> Frames:
-        """Process rows of the channels that are used."""
+        """Process rows of the used channels."""
         assert self._timeline is not None
         chunk = self._timeline.push(times, acc)
         self.data_checks.update(times, acc, self._sensors)
@@ -269,27 +270,27 @@ class Tracker:
         self._step_count = 0
 
     def unanswered(self, source: str) -> list[str]:
-        """List why the rows so far cannot answer; empty when they can."""
+        """List the reasons to refuse the rows so far."""
         reasons = self.data_checks.reasons(self._sensors, source)
         if reasons or not self.started:
             return reasons
         space = self.coordinates
         sd = space.scale * np.sqrt(np.diag(parameter_covariance(self.filter.state)))
-        still = self._standstill
-        moving = still is not None and bool(np.any(still.sd > _STANDSTILL_SD))
-        begin = [
+        standstill = self._standstill
+        moving = standstill is not None and bool(np.any(standstill.sd > _STANDSTILL_SD))
+        at_start = [
             f"{source} does not begin at standstill: from its first {_NOISE_SECONDS:g} s the "
             f"online filter of the {space.car.name} car learns by how much the wheel sensors are "
             "off against each other; start the recording a second before the car moves"
         ]
-        found = unidentified_parameters(
+        unidentified = unidentified_parameters(
             space.car,
             [self._sensors.channels[c] for c in self._sensors.outputs],
             dict(zip(space.estimands, space.scale, strict=False)),
             dict(zip(space.estimands, sd, strict=False)),
             inconsistent=self.consistency.summary().verdict == "inconsistent",
         )
-        return begin + found if found and moving else found
+        return at_start + unidentified if unidentified and moving else unidentified
 
     def input_doubt(self, source: str, refused: bool = False) -> InputCheck | None:
         """Check the input as ``estimate`` does, on the rows in which the wheels moved most.
@@ -299,12 +300,12 @@ class Tracker:
         source : str
             Name of the recording or port, for the messages.
         refused : bool
-            Whether the rows cannot answer for another reason.
+            Whether the rows are refused for another reason.
 
         Returns
         -------
-        Doubt or None
-            None where nothing speaks against the parameters, or effects were named: the check
+        InputCheck or None
+            None if nothing argues against the parameters, or if the model has effects: the check
             compares the recording with the linear car.
         """
         if self.effects:
@@ -409,7 +410,7 @@ class Tracker:
         }
 
     def _collect(self, times: Array, acc: Array) -> Frames:
-        """Hold rows back until noise levels and biases can be estimated."""
+        """Collect rows until noise levels and biases can be estimated."""
         if len(times):
             self._pending.append((times.copy(), acc.copy()))
         ends = [t for part, _ in self._pending for t in (part[0], part[-1])]
@@ -418,7 +419,7 @@ class Tracker:
         return self._estimate_noise()
 
     def _estimate_noise(self) -> Frames:
-        """Estimate missing noise levels and biases, and process the rows held back."""
+        """Estimate missing noise levels and biases, and process the collected rows."""
         times = np.concatenate([t for t, _ in self._pending])
         acc = np.concatenate([a for _, a in self._pending])
         self._pending = []
@@ -498,27 +499,29 @@ class Tracker:
         simultaneous = not missing.any() and all(
             np.array_equal(step[:, 0], step[:, y]) for y in range(1, ny)
         )
-        own = [at_last] * ny if simultaneous else [results[step[:, y]] for y in range(ny)]
+        of_outputs = [at_last] * ny if simultaneous else [results[step[:, y]] for y in range(ny)]
         if simultaneous:
             nis, count = at_last[:, into.nis], at_last[:, into.readings]
-        else:  # each instant once, whatever was read at it
-            alike = [1.0 / np.add.reduce((step == step[:, y : y + 1]).T) for y in range(ny)]
+        else:  # count each instant once, regardless of the number of its readings
+            weights = [1.0 / np.add.reduce((step == step[:, y : y + 1]).T) for y in range(ny)]
             nis, count = (
-                sum((own[y][:, column] * alike[y] for y in range(ny)), np.zeros(len(step)))
+                sum((of_outputs[y][:, column] * weights[y] for y in range(ny)), np.zeros(len(step)))
                 for column in (into.nis, into.readings)
             )
             nis, count = np.where(missing, 0.0, nis), np.where(missing, 0.0, np.rint(count))
 
         def by_output(column: int) -> Array:
-            values = np.column_stack([own[y][:, column + y] for y in range(ny)])
+            values = np.column_stack([of_outputs[y][:, column + y] for y in range(ny)])
             values[missing] = np.nan
             return values
 
         innovations = np.nan_to_num(by_output(into.innovation))
         noise_factor = at_last[:, into.noise_factor : into.noise_factor + ny]
         window = self.consistency.update(nis, count, innovations, noise_factor)
-        wider = np.sqrt(self._suspect(stamp, np.maximum.reduce(noise_factor.T)).astype(np.float64))
-        sd = np.hypot(at_last[:, into.sd : into.sd + sizes.estimands], wider[:, None])
+        prior_sd = np.sqrt(
+            self._suspect(stamp, np.maximum.reduce(noise_factor.T)).astype(np.float64)
+        )
+        sd = np.hypot(at_last[:, into.sd : into.sd + sizes.estimands], prior_sd[:, None])
         deflection = at_last[:, into.deflection : into.deflection + ne].copy()
         deflection_sd = at_last[:, into.deflection_sd : into.deflection_sd + ne].copy()
         deflection[missing] = deflection_sd[missing] = np.nan
@@ -545,7 +548,7 @@ class Tracker:
     def _suspect(self, stamp: Array, noise_factor: Array) -> NDArray[np.bool_]:
         """Whether a sensor is faulty or the car has changed, at rows (R,).
 
-        Until the filter knows which, what it says has the uncertainty of the prior besides its own.
+        Until the filter can distinguish these, the uncertainty of the prior is added to its own.
         """
         fault = np.where(noise_factor > DEFAULT_SETTINGS.fault_threshold, stamp, self._last_fault)
         latest = np.maximum.accumulate(fault)
@@ -564,7 +567,7 @@ class Tracker:
 
 
 def _scale_sds(vehicle: Vehicle, names: Sequence[str], counts: Sequence[bool]) -> list[float]:
-    """Relative standard deviation of each sensor's scale, where its readings are in counts."""
+    """Relative standard deviation of each sensor's scale; zero if it is not in counts."""
     sensors = [vehicle.sensor(name) for name in names]
     return [
         s.counts_scale_sd / abs(s.counts_scale) if raw and s.counts_scale else 0.0
@@ -582,7 +585,7 @@ def tracker_for(
     forget: float | None = None,
     engine: str = "compiled",
 ) -> Tracker:
-    """Make a tracker for a recording, or for the stream that its first rows belong to.
+    """Create a tracker for a recording, or for a stream with these first rows.
 
     Parameters
     ----------
@@ -595,14 +598,14 @@ def tracker_for(
     effects : sequence of PlacedEffect
         Effects that the car or its sensors have.
     rate : float, optional
-        Rows per second, Hz; that of the recording's stamps without it.
+        Rows per second, Hz; by default that of the recording's time stamps.
     forget, engine
         As for :class:`Tracker`.
 
     Raises
     ------
     InputError
-        If the recording lacks what the car needs.
+        If the recording lacks channels that the car needs.
     """
     used_channels(recording, vehicle, car_model(car, vehicle))
     return Tracker(
