@@ -264,7 +264,7 @@ def compare(
 
 
 def _listed(session: Recording | Iterable[Recording]) -> list[Recording]:
-    """List the recordings of a session; what is none is left to the checks of the inputs."""
+    """List the recordings of a session; the input checks reject objects of other types."""
     if isinstance(session, Iterable):
         return [session] if isinstance(session, str) else list(session)  # type: ignore[unreachable]
     return [session]

@@ -238,7 +238,7 @@ class CarModel:
         return tuple(dict.fromkeys(element.axle for element in self.elements))
 
     def elements_at(self, place: str) -> tuple[int, ...]:
-        """Return the numbers of the elements at a place, see :meth:`Element.carries`."""
+        """Return the indices of the elements at a place, see :meth:`Element.is_at`."""
         return tuple(e for e, element in enumerate(self.elements) if element.is_at(place))
 
     def shares(self, place: str) -> Array:

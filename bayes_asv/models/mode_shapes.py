@@ -1,4 +1,4 @@
-"""Modes of the cars in heights, and what each of them mostly is."""
+"""Vibration modes of the cars in heights, and the dominant motion of each."""
 
 from __future__ import annotations
 
@@ -29,22 +29,22 @@ def second_order_modes(M: Array, C: Array, K: Array) -> list[VibrationMode]:
 
     Returns
     -------
-    list of Mode
-        Frequencies in cycles per unit of time; an oscillating mode is one entry, each real pole
-        one of its own.  Shapes are (n,), in the coordinates of the matrices, the largest entry 1.
+    list of VibrationMode
+        Frequencies in cycles per unit of time; an oscillating mode is one entry, as is each real
+        pole.  Shapes are (n,), in the coordinates of the matrices, the largest entry 1.
     """
     n = len(M)
     zero = np.zeros((n, n))
     left = np.block([[K, zero], [zero, -M]])
     right = -np.block([[C, M], [M, zero]])
     values, vectors = eig(left, right)
-    found = []
+    vibration_modes = []
     for value, vector in zip(values, vectors.T, strict=True):
         if value.imag < 0.0:
-            continue  # the conjugate says the same
+            continue  # the conjugate of another eigenvalue
         shape = vector[:n] / vector[int(np.argmax(np.abs(vector[:n])))]
         size = float(abs(value))
-        found.append(
+        vibration_modes.append(
             VibrationMode(
                 natural=size / (2.0 * np.pi),
                 damped=float(value.imag / (2.0 * np.pi)),
@@ -53,7 +53,7 @@ def second_order_modes(M: Array, C: Array, K: Array) -> list[VibrationMode]:
                 shape=shape.astype(np.complex128),
             )
         )
-    return sorted(found, key=lambda mode: mode.natural)
+    return sorted(vibration_modes, key=lambda mode: mode.natural)
 
 
 Array = NDArray[np.float64]
@@ -65,13 +65,13 @@ class CarMode(NamedTuple):
 
     Parameters
     ----------
-    mode : Mode
-        Its shape in heights at :func:`places`, the largest one 1.
+    mode : VibrationMode
+        Frequency, damping and shape in heights at :func:`places`, the largest one 1.
     kind : str
         Motion with the largest share: ``bounce``, ``pitch``, ``roll``, ``hop`` of both wheels of an
-        axle together, ``tramp`` of one against the other.
+        axle in phase, ``tramp`` of both in antiphase.
     share : float
-        Share of the kinetic energy that is in it.
+        Share of that motion in the kinetic energy.
     """
 
     mode: VibrationMode
@@ -80,7 +80,7 @@ class CarMode(NamedTuple):
 
 
 def places(car: Car) -> tuple[tuple[str, ...], Array]:
-    """Where heights are told, and the matrix that gives them from the coordinates."""
+    """Names of the points whose heights are given, and the matrix from coordinates to heights."""
     if isinstance(car, QuarterCar):
         return ("body", "wheel"), np.eye(2)
     if isinstance(car, HalfCar4):
@@ -97,27 +97,27 @@ def places(car: Car) -> tuple[tuple[str, ...], Array]:
 
 
 def car_modes(car: Car, damped: bool = True) -> list[CarMode]:
-    """Modes of a car over its inputs held still, slowest first.
+    """Modes of a car with its inputs held at zero, slowest first.
 
     Parameters
     ----------
     car : QuarterCar, HalfCar4, FullCar7 or RollCar
         In SI units.
     damped : bool
-        False leaves all damping out, as textbooks do.
+        Whether to include damping; False gives the undamped modes of textbooks.
 
     Returns
     -------
     list of CarMode
-        An oscillating mode is one entry, each real pole one of its own.
+        An oscillating mode is one entry, as is each real pole.
     """
     system = car.system()
     _, heights = places(car)
-    kinds, parts = _kinds(car)
+    kinds, roots = _kinds(car)
     out = []
     for mode in second_order_modes(system.M, system.C if damped else 0.0 * system.C, system.K):
         shape = heights @ mode.shape
-        energy = np.abs(parts @ mode.shape) ** 2
+        energy = np.abs(roots @ mode.shape) ** 2
         largest = int(np.argmax(energy))
         out.append(
             CarMode(
@@ -130,10 +130,17 @@ def car_modes(car: Car, damped: bool = True) -> list[CarMode]:
 
 
 def _kinds(car: Car) -> tuple[tuple[str, ...], Array]:
-    """Motions that share the kinetic energy: their names, and roots of it by coordinate.
+    """Motions among which the kinetic energy is divided.
 
-    The two wheels of an axle are taken together and against each other; where they weigh the same
-    nothing is left between the two.
+    The motions of the two wheels of an axle are in phase and in antiphase; wheels of equal mass
+    have no cross term between the two.
+
+    Returns
+    -------
+    names : tuple of str
+        Names of the motions.
+    roots : (n, n) array
+        Matrix whose product with the velocities has squares in proportion to the energies.
     """
     root = np.sqrt(car.system().M)
     if isinstance(car, QuarterCar):

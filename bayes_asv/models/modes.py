@@ -46,16 +46,17 @@ def modes(car: HalfCar) -> list[VibrationMode]:
 
     Returns
     -------
-    list of Mode
+    list of VibrationMode
         The nominal car of Table 7.1 gives 2.03 Hz at ζ 0.54 and 2.99 Hz at ζ 0.82.
     """
     return _modes_of(deflection_form(car).A)
 
 
 def nominal_modes(car: CarModel) -> list[VibrationMode]:
-    """Modes of a car as the vehicle file gives it, slowest first.
+    """Modes of a car with its nominal parameters, slowest first.
 
-    What is no motion of the body, such as a twist of the wheels that it cannot follow, is left out.
+    Zero eigenvalues, such as that of a twist of the wheels that the body cannot follow, are
+    omitted.
     """
     return _modes_of(state_space(car, car.nominal, ()).A[0])
 
@@ -79,16 +80,16 @@ def half_width(car: CarModel, values: Values) -> float:
 def _modes_of(A: NDArray[np.float64]) -> list[VibrationMode]:
     values, vectors = np.linalg.eig(A)
     fastest = float(np.max(np.abs(values)))
-    found = []
+    vibration_modes = []
     for value, vector in zip(values, vectors.T, strict=True):
         if value.imag < 0.0:
-            continue  # the conjugate says the same
+            continue  # the conjugate of another eigenvalue
         if abs(value) < 1e-6 * fastest:
             continue
         shape = vector[0::2]
         shape = shape / shape[int(np.argmax(np.abs(shape)))]
         natural = abs(value) / (2.0 * np.pi)
-        found.append(
+        vibration_modes.append(
             VibrationMode(
                 natural=float(natural),
                 damped=float(value.imag / (2.0 * np.pi)),
@@ -96,4 +97,4 @@ def _modes_of(A: NDArray[np.float64]) -> list[VibrationMode]:
                 shape=shape.astype(np.complex128),
             )
         )
-    return sorted(found, key=lambda mode: mode.natural)
+    return sorted(vibration_modes, key=lambda mode: mode.natural)

@@ -29,9 +29,10 @@ Array = NDArray[np.float64]
 
 # The estimator needs no contact with the ground.  But in 0.15 s a car falls 11 cm: the suspension
 # reaches its droop stops, and few drivers repeat such a jump.
-_MAX_AIRBORNE = 0.15  # s
-_NOTICEABLE_AIRBORNE = 0.02  # s
-_MAX_RANGE_USE = 0.8  # fraction of a sensor's range, with a margin for errors of the prediction
+_MAX_AIRBORNE = 0.15  # longest time off the ground of a usable drive, s
+_NOTICEABLE_AIRBORNE = 0.02  # time off the ground from which it is reported, s
+# Largest usable fraction of a sensor's range, with a margin for errors of the prediction.
+_MAX_RANGE_USE = 0.8
 
 
 @dataclass(frozen=True)
@@ -41,13 +42,13 @@ class MeasuredCar:
     Parameters
     ----------
     vehicle : Vehicle
-        With noise for every sensor; its values are taken as true.
+        Vehicle with noise for every sensor; its values are assumed to be true.
     car : CarModel
         Its model.
     channels : tuple of Channel
-        What is measured, C channels.
+        The C measured channels.
     about : ParameterPrior
-        Parameters of the car, and what these channels can tell of them.
+        Parameters of the car with their priors, and what these channels determine of them.
     """
 
     vehicle: Vehicle
@@ -170,15 +171,15 @@ def _evaluate_recordings(
     measured: MeasuredCar, drive: Drive, filtered: Sequence[FilteredMotion], seed: int
 ) -> tuple[list[str], list[str], Array]:
     """Return reasons against a drive's recordings, notes on clipping, and mean information."""
-    vehicle, about = measured.vehicle, measured.about
+    vehicle, parameter_prior = measured.vehicle, measured.about
     clipped = np.zeros(len(measured.channels), np.int64)
-    information = np.zeros((len(about.names), len(about.names)))
+    information = np.zeros((len(parameter_prior.names), len(parameter_prior.names)))
     for number, one in enumerate(filtered):
         recording = simulate_recording(vehicle, one, drive.rate, drive.seconds, seed + number)
         prepared, reasons, _ = prepare_runs([recording], vehicle, None, measured.car.name)
         if reasons:
             return list(reasons), [], information
-        information += fisher_information(prepared[0], vehicle, about) / len(filtered)
+        information += fisher_information(prepared[0], vehicle, parameter_prior) / len(filtered)
         clipped = np.maximum(clipped, prepared[0].clipped.sum(axis=1))
     notes = [
         f"the {channel.words} sensor would reach the end of its range in {count} of "
@@ -198,9 +199,9 @@ def _travel(car: CarModel, motions: Sequence[Motion]) -> dict[str, float]:
     """Return bump and droop of each axle, the largest of all motions, m."""
     out: dict[str, float] = {}
     for axle in car.axles:
-        own = list(car.elements_at(axle))
-        low = min(float(motion.deflection[own].min()) for motion in motions)
-        high = max(float(motion.deflection[own].max()) for motion in motions)
+        elements = list(car.elements_at(axle))
+        low = min(float(motion.deflection[elements].min()) for motion in motions)
+        high = max(float(motion.deflection[elements].max()) for motion in motions)
         out |= {f"{axle}_bump": max(-low, 0.0), f"{axle}_droop": max(high, 0.0)}
     return out
 

@@ -1,6 +1,6 @@
-"""What drives cannot separate: groups of parameters that none does, and pairs that one hardly does.
+"""Unidentifiable groups of parameters, and pairs that are strongly correlated after one drive.
 
-Accelerations depend on the ratios c/m, k/m and i/(m l²) only.  Which such groups there are follows
+Accelerations depend on the ratios c/m, k/m and i/(m l²) only.  The unidentifiable groups follow
 from the car and its measured outputs (:class:`bayes_asv.posterior.information.ParameterPrior`).
 """
 
@@ -27,16 +27,16 @@ _ABSENT = 1e-3  # share of a direction in the identified ones below which no rea
 
 
 class Group(NamedTuple):
-    """Parameters that no drive separates.
+    """Parameters that no drive can separate.
 
     Parameters
     ----------
     names : tuple of str
         Parameters of the car; the first is a given value.
     words : str
-        The change of them that leaves every reading as it is.
+        The change of them that does not change any reading, in words.
     along : (nT,) array
-        That change of the logarithms of all unknowns.
+        Direction of that change in the logarithms of all unknowns.
     """
 
     names: tuple[str, ...]
@@ -54,7 +54,7 @@ class CorrelatedPair(NamedTuple):
     correlation : float
         Correlation of their logarithms, from the drive alone.
     sd_inflation : float
-        Factor 1/√(1 − r²) on the standard deviation of either for not knowing the other.
+        Factor 1/√(1 − r²) on the standard deviation of either because the other is unknown.
     """
 
     names: tuple[str, str]
@@ -62,51 +62,51 @@ class CorrelatedPair(NamedTuple):
     sd_inflation: float
 
 
-def inseparable_groups(about: ParameterPrior) -> tuple[Group, ...]:
-    """Find the groups of parameters that no drive separates with what is measured."""
-    springs = {about.names[int(np.argmax(about.log_gradients[e.spring] != 0.0))]
-               for e in about.car.elements}  # fmt: skip
-    heavier = {"m", *about.car.estimated, *springs}
+def inseparable_groups(parameter_prior: ParameterPrior) -> tuple[Group, ...]:
+    """Find the groups of parameters that no drive can separate with the measured channels."""
+    springs = {parameter_prior.names[int(np.argmax(parameter_prior.log_gradients[e.spring] != 0.0))]
+               for e in parameter_prior.car.elements}  # fmt: skip
+    heavier = {"m", *parameter_prior.car.estimated, *springs}
     candidates = [
-        ({name: 1.0 for name in about.names if name in heavier},
+        ({name: 1.0 for name in parameter_prior.names if name in heavier},
          "a heavier car with every rate in proportion"),
         ({"l": 1.0, "i": 2.0}, "pitch inertia in proportion to the square of the wheelbase"),
         ({"t_f": 1.0, "t_r": 1.0, "i_roll": 2.0},
          "roll inertia in proportion to the square of the track"),
     ]  # fmt: skip
-    found = []
+    groups = []
     for powers, words in candidates:
-        if not set(powers) <= set(about.names):
+        if not set(powers) <= set(parameter_prior.names):
             continue
-        along = np.array([powers.get(name, 0.0) for name in about.names])
-        if np.linalg.norm(about.identified.T @ along) < _ABSENT * np.linalg.norm(along):
+        along = np.array([powers.get(name, 0.0) for name in parameter_prior.names])
+        if np.linalg.norm(parameter_prior.identified.T @ along) < _ABSENT * np.linalg.norm(along):
             # the given values first: one of them has to be known
-            names = sorted(powers, key=lambda name: name in about.car.estimated)
-            found.append(Group(tuple(names), words, along))
-    return tuple(found)
+            names = sorted(powers, key=lambda name: name in parameter_prior.car.estimated)
+            groups.append(Group(tuple(names), words, along))
+    return tuple(groups)
 
 
-def correlated_pairs(information: Array, about: ParameterPrior) -> list[CorrelatedPair]:
+def correlated_pairs(information: Array, parameter_prior: ParameterPrior) -> list[CorrelatedPair]:
     """Find the strongly correlated pairs of parameters of one drive.
 
     Parameters
     ----------
     information : (nT, nT) array
-        Of one pass; the correlations do not depend on the number of passes.
-    about : ParameterPrior
-        Its unknowns.
+        Fisher information of one pass; the correlations do not depend on the number of passes.
+    parameter_prior : ParameterPrior
+        Unknowns of the car.
 
     Returns
     -------
     list of CorrelatedPair
         In decreasing order of correlation.
     """
-    held = {group.names[0] for group in inseparable_groups(about)}
-    held |= {"t_r"} if "t_f" in held else set()
-    kept = [k for k, name in enumerate(about.names) if name not in held]
-    names = [about.names[k] for k in kept]
-    own = information[np.ix_(kept, kept)]
-    covariance = np.linalg.inv(own + np.eye(len(kept)) / _WEAK_PRIOR**2)
+    fixed = {group.names[0] for group in inseparable_groups(parameter_prior)}
+    fixed |= {"t_r"} if "t_f" in fixed else set()
+    kept = [k for k, name in enumerate(parameter_prior.names) if name not in fixed]
+    names = [parameter_prior.names[k] for k in kept]
+    kept_information = information[np.ix_(kept, kept)]
+    covariance = np.linalg.inv(kept_information + np.eye(len(kept)) / _WEAK_PRIOR**2)
     sd = np.sqrt(np.diag(covariance))
     correlation = covariance / np.outer(sd, sd)
     correlated = []

@@ -50,16 +50,16 @@ def with_default_noise(
     Parameters
     ----------
     vehicle : Vehicle
-        As read.
+        Contents of the vehicle file.
     channels : sequence of Channel
-        What is measured.
+        Measured channels.
 
     Returns
     -------
     vehicle : Vehicle
         With noise for every channel.
     channels : tuple of str
-        Channels that had none.
+        Channels without a declared noise.
     """
     sensors = dict(vehicle.sensors)
     missing: list[str] = []
@@ -79,7 +79,7 @@ class FilteredMotion(NamedTuple):
     Parameters
     ----------
     channels : tuple of Channel
-        What is measured.
+        Measured channels.
     curves : CubicSpline
         Signals of the channels, SI units, over time, s.
     span : tuple of 2 float

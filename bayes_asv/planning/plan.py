@@ -49,8 +49,8 @@ class RatedDrive:
     evaluation : Evaluation
         The drive and its Fisher information.
     required_passes : dict of str to int or None
-        Passes that reach the wanted standard deviation of each answer; None where no number does
-        or the drive cannot be used.
+        Passes that reach the wanted standard deviation of each parameter of interest; None if no
+        number does or the drive cannot be used.
     worst_ratio : float
         Largest ratio of predicted to wanted standard deviation after one pass, with all given
         values exact, which measures the drive alone.
@@ -74,7 +74,7 @@ class PlanResult:
     Parameters
     ----------
     vehicle : Vehicle
-        As read.
+        Contents of the vehicle file.
     measured : MeasuredCar
         Model of the car, and the sensors at hand.
     assumed_noise : tuple of str
@@ -161,7 +161,7 @@ def plan(
     vehicle : Vehicle
         Its nominal values are taken as true, its sensors as declared.
     want : Mapping of str to float
-        Wanted posterior standard deviations of the answers, relative to their values.
+        Wanted posterior standard deviations of the parameters of interest, relative to the values.
     car : str
         Name of the car model, see :data:`bayes_asv.models.cars.CARS`.
     channels : sequence of str, optional
@@ -319,7 +319,7 @@ def _easiest(candidates: Sequence[RatedDrive]) -> RatedDrive:
         best[kind] = min(best.get(kind, math.inf), one.worst_ratio)
     worst = _MAX_LOSS_OF_EASIER_KIND * min(best.values())
     kind = next(kind for kind in KINDS if best.get(kind, math.inf) <= worst)
-    near = [
+    informative = [
         one
         for one in candidates
         if one.evaluation.drive.road.kind == kind and one.worst_ratio <= _EQUIVALENT * best[kind]
@@ -329,7 +329,7 @@ def _easiest(candidates: Sequence[RatedDrive]) -> RatedDrive:
         drive = one.evaluation.drive
         return drive.speed, drive.road.height, drive.rate
 
-    return min(near, key=effort)
+    return min(informative, key=effort)
 
 
 def _worst_ratio(
@@ -349,11 +349,13 @@ def _nearest(
     if not usable:
         return None
     enough = _NEGLIGIBLE_LOSS * min(worst for _, worst in usable)
-    near = [one for one, worst in usable if worst <= enough]
+    nearly_best = [one for one, worst in usable if worst <= enough]
     # where a given value limits the result, all good drives have about the same ratio: keep those
     # that suffice once that value is measured better
-    near = [one for one in near if _ratio_of_drive_alone(one, max_passes) <= 1.0] or near
-    return _easiest([one for one in near if one.evaluation.gentle] or near)
+    nearly_best = [
+        one for one in nearly_best if _ratio_of_drive_alone(one, max_passes) <= 1.0
+    ] or nearly_best
+    return _easiest([one for one in nearly_best if one.evaluation.gentle] or nearly_best)
 
 
 def _recommended_passes(
@@ -363,11 +365,12 @@ def _recommended_passes(
     if best is None:
         return 0
     enough = max(1.0, _NEGLIGIBLE_LOSS * _worst_ratio(best, max_passes, prior, want))
-    alone = max(1.0, _ratio_of_drive_alone(best, max_passes))
+    of_drive_alone = max(1.0, _ratio_of_drive_alone(best, max_passes))
 
     def suffices(n: int) -> bool:
         return (
-            _worst_ratio(best, n, prior, want) <= enough and _ratio_of_drive_alone(best, n) <= alone
+            _worst_ratio(best, n, prior, want) <= enough
+            and _ratio_of_drive_alone(best, n) <= of_drive_alone
         )
 
     return next((n for n in range(1, max_passes) if suffices(n)), max_passes)

@@ -36,39 +36,43 @@ def _relative(log_sd: Mapping[str, float]) -> dict[str, float]:
     return {name: math.sqrt(math.expm1(min(sd**2, 50.0))) for name, sd in log_sd.items()}
 
 
-def predicted_sd(information: Array, passes: float, about: ParameterPrior) -> dict[str, float]:
-    """Predict the relative posterior standard deviation of every answer.
+def predicted_sd(
+    information: Array, passes: float, parameter_prior: ParameterPrior
+) -> dict[str, float]:
+    """Predict the relative posterior standard deviation of every parameter of interest.
 
     Parameters
     ----------
     information : (nT, nT) array
-        Of one pass.
+        Fisher information of one pass.
     passes : float
         Number of passes.
-    about : ParameterPrior
-        With the prior standard deviations.
+    parameter_prior : ParameterPrior
+        Parameters with their prior standard deviations.
     """
-    return _relative(fisher.predicted_sd(information, passes, about, about.estimands))
+    return _relative(
+        fisher.predicted_sd(information, passes, parameter_prior, parameter_prior.estimands)
+    )
 
 
-def sd_floors(about: ParameterPrior) -> dict[str, float]:
-    """Compute the relative standard deviation of every answer after infinitely many passes."""
-    return _relative(fisher.sd_floor(about, about.estimands))
+def sd_floors(parameter_prior: ParameterPrior) -> dict[str, float]:
+    """Compute the relative standard deviations in the limit of infinitely many passes."""
+    return _relative(fisher.sd_floor(parameter_prior, parameter_prior.estimands))
 
 
 def required_passes(
-    information: Array, about: ParameterPrior, want: Mapping[str, float]
+    information: Array, parameter_prior: ParameterPrior, want: Mapping[str, float]
 ) -> dict[str, int | None]:
     """Compute the smallest number of passes that reaches each wanted standard deviation.
 
     Parameters
     ----------
     information : (nT, nT) array
-        Of one pass.
-    about : ParameterPrior
-        With the prior standard deviations.
+        Fisher information of one pass.
+    parameter_prior : ParameterPrior
+        Parameters with their prior standard deviations.
     want : mapping of str to float
-        Wanted relative standard deviation of each answer.
+        Wanted relative standard deviation of each parameter of interest.
 
     Returns
     -------
@@ -76,10 +80,10 @@ def required_passes(
         None where :data:`MAX_PASSES` passes do not suffice.
     """
     passes: dict[str, int | None] = {}
-    for name in about.estimands:
+    for name in parameter_prior.estimands:
 
         def enough(n: int, name: str = name) -> bool:
-            return predicted_sd(information, n, about)[name] <= want[name]
+            return predicted_sd(information, n, parameter_prior)[name] <= want[name]
 
         if not enough(MAX_PASSES):
             passes[name] = None
@@ -95,7 +99,7 @@ def required_passes(
 
 
 _MIN_GAIN = 0.02  # relative gain of an exact given value below which it is not reported
-_SMALLEST_SD = 1e-4  # relative standard deviation that no scale improves on
+_SMALLEST_SD = 1e-4  # least relative standard deviation to require of a given value
 
 
 class LimitingValues(NamedTuple):
@@ -122,13 +126,13 @@ def limiting_values(
     Parameters
     ----------
     information : (nT, nT) array
-        Of one pass.
+        Fisher information of one pass.
     passes : int
         Largest acceptable number of passes.
     prior : ParameterPrior
-        With the prior standard deviations.
+        Parameters with their prior standard deviations.
     parameter : str
-        One of its answers.
+        A parameter of interest.
     want : float
         Wanted relative standard deviation.
 
@@ -153,17 +157,19 @@ def limiting_values(
         if prior.sd(name) > 0.0
         and sd_with(prior.replaced({name: 0.0})) < (1.0 - _MIN_GAIN) * current
     ]
-    alone = {}
+    single_factors = {}
     for name in relevant:
         factor = _largest_factor(sd_with, prior, (name,), want)
         if factor > 0.0:
-            alone[name] = factor
-    if alone:
-        best = max(alone, key=lambda name: alone[name])
-        return LimitingValues(parameter, {best: alone[best] * prior.sd(best)})
-    every = tuple(name for name in prior.given if prior.sd(name) > 0.0)
-    factor = _largest_factor(sd_with, prior, every, want)
-    return LimitingValues(parameter, {name: factor * prior.sd(name) for name in relevant or every})
+            single_factors[name] = factor
+    if single_factors:
+        best = max(single_factors, key=lambda name: single_factors[name])
+        return LimitingValues(parameter, {best: single_factors[best] * prior.sd(best)})
+    uncertain = tuple(name for name in prior.given if prior.sd(name) > 0.0)
+    factor = _largest_factor(sd_with, prior, uncertain, want)
+    return LimitingValues(
+        parameter, {name: factor * prior.sd(name) for name in relevant or uncertain}
+    )
 
 
 def _largest_factor(

@@ -100,42 +100,42 @@ def pair_text(pair: CorrelatedPair) -> str:
 def unidentifiable_lines(plan: PlanResult) -> list[str]:
     """Describe the combinations of parameters that no drive identifies."""
     outputs = [channel for channel in plan.measured.channels if not channel.is_input]
-    alike = "accelerations" if all(c.quantity == "acceleration" for c in outputs) else "readings"
+    readings = "accelerations" if all(c.quantity == "acceleration" for c in outputs) else "readings"
     return [
-        f"{_join([_label(name) for name in group.names])}: {group.words} has the same {alike}"
+        f"{_join([_label(name) for name in group.names])}: {group.words} has the same {readings}"
         for group in inseparable_groups(plan.prior)
     ]
 
 
 def unidentified_lines(plan: PlanResult) -> list[str]:
-    """Say, parameter by parameter, what the sensors at hand cannot tell.
+    """Describe the parameters that the sensors at hand do not identify.
 
-    A parameter is not told if the passes of the plan's drive leave it about as uncertain as the
-    vehicle file does (:data:`bayes_asv.posterior.information.UNMEASURED`), or if the model of the
-    car does not have it.
+    A parameter is not identified if its posterior standard deviation after the passes of the plan's
+    drive is about the prior one (:data:`bayes_asv.posterior.information.UNMEASURED`), or if the
+    car model lacks it.
     """
-    car, about = plan.measured.car, plan.prior
-    recordings = []
+    car, parameter_prior = plan.measured.car, plan.prior
+    lines = []
     if len(car.axles) == 1:
         other = "rear" if car.axles == ("front",) else "front"
-        recordings.append(
+        lines.append(
             f"the {other} damping rate and the pitch inertia: nothing is measured at the {other} "
             "axle"
         )
     if plan.best is None:
-        return recordings
-    prior = {name: about.sd(name) for name in car.estimated}
-    directions = {name: about.log_gradients[name] for name in prior}
-    after = predicted_sd(plan.best.evaluation.information, plan.passes, about, directions)
+        return lines
+    prior = {name: parameter_prior.sd(name) for name in car.estimated}
+    directions = {name: parameter_prior.log_gradients[name] for name in prior}
+    after = predicted_sd(plan.best.evaluation.information, plan.passes, parameter_prior, directions)
     outputs = [channel for channel in plan.measured.channels if not channel.is_input]
     for name in unmeasured(prior, after):
         fix = sensor_for(car, outputs, name) or "drive over something else, or faster"
-        recordings.append(
+        lines.append(
             f"the {_label(name)} ({name}): its standard deviation stays at "
             f"{percent_text(after[name])}, and the vehicle file gives {percent_text(prior[name])}; "
             f"{fix}"
         )
-    return recordings
+    return lines
 
 
 def limit_sentence(limiting: LimitingValues, plan: PlanResult) -> str:
@@ -191,21 +191,23 @@ def unreachable_reason(plan: PlanResult, one: RatedDrive, parameter: str) -> str
 
 def assumption_lines(plan: PlanResult) -> list[str]:
     """State what the plan assumes because the vehicle file does not give it."""
-    recordings = []
+    lines = []
     if plan.assumed_noise:
-        every = len(plan.assumed_noise) == len(plan.measured.channels)
-        which = "any sensor" if every else _join(
+        all_channels = len(plan.assumed_noise) == len(plan.measured.channels)
+        which = "any sensor" if all_channels else _join(
             [name.replace("_", " ") for name in plan.assumed_noise]
         )  # fmt: skip
-        recordings.append(
+        lines.append(
             f"the vehicle file gives no noise for {which}; the plan assumes a small 10-bit logger"
         )
     if not plan.tyres_given:
         car = plan.measured.car
         sums = [list(car.elements_at(axle)) for axle in car.axles]
-        rate = [_value_text(plan.tyres.rate[own].sum(), "stiffness", plan) for own in sums]
-        mass = [_mass_text(plan.tyres.mass[own].sum(), plan) for own in sums]
-        recordings.append(
+        rate = [
+            _value_text(plan.tyres.rate[elements].sum(), "stiffness", plan) for elements in sums
+        ]
+        mass = [_mass_text(plan.tyres.mass[elements].sum(), plan) for elements in sums]
+        lines.append(
             f"the plan assumes tyre rates of {_join(rate)} and unsprung masses of "
             f"{_join(mass)}, {_join(car.axles)}; give --tyre-rate and --unsprung if "
             "yours differ"
@@ -213,7 +215,7 @@ def assumption_lines(plan: PlanResult) -> list[str]:
     if any(element.side == "right" for element in plan.measured.car.elements):
         metric = plan.vehicle.units != "US"
         later = f"{RIGHT_LATER:g} m" if metric else f"{RIGHT_LATER / INCH:.0f} in"
-        recordings.append(
+        lines.append(
             f"the right wheels meet every obstacle {later} after the left ones; on a rough road "
             "they have a track of their own"
         )
@@ -221,17 +223,17 @@ def assumption_lines(plan: PlanResult) -> list[str]:
         not math.isfinite(s.low) and not math.isfinite(s.high)
         for s in plan.vehicle.sensors_of([c.name for c in plan.measured.channels])
     ):
-        recordings.append(
+        lines.append(
             "the vehicle file gives no range for some sensors; compare the largest readings of "
             "the drive with the data sheets"
         )
     travel = plan.vehicle.travel
     ends = [f"{axle}_{end}" for axle in plan.measured.car.axles for end in ("bump", "droop")]
     if any(getattr(travel, end) is None for end in ends):
-        recordings.append(
+        lines.append(
             "the vehicle file does not give every suspension travel; the missing ones are unchecked"
         )
-    return recordings
+    return lines
 
 
 def _value_text(value: float, dimension: str, plan: PlanResult) -> str:
@@ -261,34 +263,34 @@ def plan_lines(plan: PlanResult) -> list[str]:
         Lines.
     """
     units = plan.vehicle.units
-    recordings = [f"PlanResult for {plain(plan.vehicle.name)}", ""]
+    lines = [f"PlanResult for {plain(plan.vehicle.name)}", ""]
     best = plan.best
     if best is None:
-        recordings += ["No drive can be used.", *(f"- {why}" for why in common_reasons(plan.rated))]
-        return recordings
+        lines += ["No drive can be used.", *(f"- {why}" for why in common_reasons(plan.rated))]
+        return lines
     words = f"{times_text(plan.passes)} {drive_text(best.evaluation.drive, units)}."
     if plan.chosen is None:
-        recordings += [
+        lines += [
             f"No drive reaches every wanted standard deviation in {plan.max_passes} passes.",
             f"Nearest: drive {words}",
         ]
     else:
-        recordings.append(f"Drive {words}")
-    recordings += ["", *_sd_table(plan, best), ""]
-    recordings += [f"- {text}" for text in limit_lines(plan)]
-    recordings += [f"- {note}" for note in best.evaluation.notes]
-    recordings += [f"- {text}" for text in assumption_lines(plan)]
+        lines.append(f"Drive {words}")
+    lines += ["", *_sd_table(plan, best), ""]
+    lines += [f"- {text}" for text in limit_lines(plan)]
+    lines += [f"- {note}" for note in best.evaluation.notes]
+    lines += [f"- {text}" for text in assumption_lines(plan)]
     unidentified = unidentified_lines(plan)
     if unidentified:
-        recordings += [
+        lines += [
             "",
             "Not identifiable with these sensors:",
             *(f"- {text}" for text in unidentified),
         ]
-    recordings += _unidentifiable_section(plan, best)
-    recordings += ["", *_roads_table(plan, best)]
+    lines += _unidentifiable_section(plan, best)
+    lines += ["", *_roads_table(plan, best)]
     rates = _rates_table(plan, best)
-    return [*recordings, "", *rates] if rates else recordings
+    return [*lines, "", *rates] if rates else lines
 
 
 def common_reasons(rated: Sequence[RatedDrive]) -> list[str]:
@@ -317,21 +319,21 @@ def _sd_table(plan: PlanResult, one: RatedDrive) -> list[str]:
 
 def _unidentifiable_section(plan: PlanResult, one: RatedDrive) -> list[str]:
     """List what no drive, and what this drive, cannot separate."""
-    recordings = ["", "No drive can separate:"]
-    recordings += [f"- {words}" for words in unidentifiable_lines(plan)]
+    lines = ["", "No drive can separate:"]
+    lines += [f"- {words}" for words in unidentifiable_lines(plan)]
     limited = [name for name in plan.estimands if plan.sd_floor[name] > 1e-5]
     for floor in dict.fromkeys(percent_text(plan.sd_floor[name]) for name in limited):
         same = [name for name in limited if percent_text(plan.sd_floor[name]) == floor]
-        recordings.append(f"- so {_join(same)} cannot be determined to better than {floor}")
+        lines.append(f"- so {_join(same)} cannot be determined to better than {floor}")
     strongest = correlated_pairs(one.evaluation.information, plan.prior)
     if strongest:
-        recordings += [
+        lines += [
             "This drive hardly separates:",
             *(f"- {pair_text(p)}" for p in strongest[:_MAX_PAIRS]),
         ]
     if len(strongest) > _MAX_PAIRS:
-        recordings.append(f"- and {len(strongest) - _MAX_PAIRS} more pairs")
-    return recordings
+        lines.append(f"- and {len(strongest) - _MAX_PAIRS} more pairs")
+    return lines
 
 
 def _roads_table(plan: PlanResult, best: RatedDrive) -> list[str]:
@@ -387,12 +389,12 @@ def _rates_table(plan: PlanResult, best: RatedDrive) -> list[str]:
 def _columns(rows: Sequence[Sequence[str]]) -> list[str]:
     """Align the first column to the left and the others to the right."""
     width = [max(len(row[k]) for row in rows) for k in range(len(rows[0]))]
-    recordings = []
+    lines = []
     for row in rows:
         cells = [row[0].ljust(width[0])]
         cells += [cell.rjust(w) for cell, w in zip(row[1:], width[1:], strict=True)]
-        recordings.append(("  " + "  ".join(cells)).rstrip())
-    return recordings
+        lines.append(("  " + "  ".join(cells)).rstrip())
+    return lines
 
 
 def _given_text(plan: PlanResult, parameter: str) -> str:

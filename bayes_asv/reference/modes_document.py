@@ -90,18 +90,18 @@ def car_modes_document(vehicle: Vehicle, which: str) -> Document:
 
 def car_modes_lines(document: Document) -> list[str]:
     """Describe the document of ``bayes-asv modes --car`` on the terminal."""
-    recordings = [f"Modes of {plain(document['vehicle'])}, {TITLES[document['car']]}:"]
+    lines = [f"Modes of {plain(document['vehicle'])}, {TITLES[document['car']]}:"]
     corner = None
     for mode in document["modes"]:
         if mode["corner"] != corner:
             corner = mode["corner"]
-            recordings.append(f"  {corner} corner")
+            lines.append(f"  {corner} corner")
         kind = (
             f"damped {mode['damped_hz']:.3f} Hz, ratio {mode['ratio']:.3f}"
             if mode["oscillates"]
             else "does not oscillate"
         )
-        recordings.append(
+        lines.append(
             f"  {mode['natural_hz']:.3f} Hz, {kind}; mostly {mode['kind']} "
             f"({percent(mode['energy_share'])} of the energy)"
         )
@@ -110,13 +110,13 @@ def car_modes_lines(document: Document) -> list[str]:
             + (f" at {round(part['phase_deg']):+d}°" if part["size"] > _NEGLIGIBLE_SIZE else "")
             for name, part in mode["shape"].items()
         )
-        recordings.append(f"      {shape}".replace("-", "−"))
+        lines.append(f"      {shape}".replace("-", "−"))
     undamped = ", ".join(
         f"{mode['corner'] + ' ' if mode['corner'] else ''}{mode['kind']} {mode['natural_hz']:.3f}"
         for mode in document["undamped"]
     )
-    recordings.append(f"Without damping: {undamped} Hz")
-    return recordings
+    lines.append(f"Without damping: {undamped} Hz")
+    return lines
 
 
 _MAX_FREQUENCY = 30.0  # Hz; peaks of the car are below

@@ -87,7 +87,7 @@ class SpectralStudy:
     ----------
     damping : float
         Damping ratio of each axle.
-    modes : tuple of Mode
+    modes : tuple of VibrationMode
         Eigenvalue modes.
     peaks : tuple of two tuples of float
         Peaks, Hz, of the theoretical spectrum, front and rear.
@@ -144,7 +144,7 @@ def spectral_study(car: HalfCar, damping: float, runs: int, seed: int) -> Spectr
 
     Returns
     -------
-    Study
+    SpectralStudy
     """
     car = with_damping_ratio(car, damping)
     true_modes = tuple(modes(car))

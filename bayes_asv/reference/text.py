@@ -14,7 +14,7 @@ Document = dict[str, Any]
 
 def modes_lines(document: Document) -> list[str]:
     """Describe the document of ``bayes-asv modes``."""
-    recordings = [f"Modes of {plain(document['vehicle'])}, wheels held still:"]
+    lines = [f"Modes of {plain(document['vehicle'])}, wheels held still:"]
     for mode in document["modes"]:
         shape = ", ".join(
             f"{axle} {part['size']:.2f}"
@@ -26,23 +26,21 @@ def modes_lines(document: Document) -> list[str]:
             if mode["oscillates"]
             else "does not oscillate"
         )
-        recordings.append(
-            f"  {mode['natural_hz']:.3f} Hz, {kind}; shape: {shape}".replace("-", "−")
-        )
+        lines.append(f"  {mode['natural_hz']:.3f} Hz, {kind}; shape: {shape}".replace("-", "−"))
     printed = ", ".join(
         f"{m['natural_hz']:.3f} Hz (damped {m['damped_hz']:.3f}, ratio {m['ratio']:.3f})"
         for m in document["as_app_c1"]
     )
-    recordings.append(f"As in App. C.1 of the reference (m/4, ω(1−ζ)): {printed}")
+    lines.append(f"As in App. C.1 of the reference (m/4, ω(1−ζ)): {printed}")
     for study in document["spectral"]:
-        recordings += study_lines(study)
+        lines += study_lines(study)
     recording = document["recording"]
     if recording is not None:
-        recordings.append(f"Spectrum of {plain(recording['source'])}, highest peaks below 30 Hz:")
+        lines.append(f"Spectrum of {plain(recording['source'])}, highest peaks below 30 Hz:")
         for channel, spectrum in recording["channels"].items():
             peaks = ", ".join(f"{f:.1f}" for f in spectrum["peaks_hz"]) or "none"
-            recordings.append(f"  {channel.replace('_', ' ')}: {peaks} Hz")
-    return recordings
+            lines.append(f"  {channel.replace('_', ' ')}: {peaks} Hz")
+    return lines
 
 
 def study_lines(study: Document) -> list[str]:
@@ -54,50 +52,48 @@ def study_lines(study: Document) -> list[str]:
         if study["peaks_can_be_read"]
         else "the theoretical spectrum has only one peak"
     )
-    recordings = [
+    lines = [
         f"Both axles damped to {percent(study['damping'])}: {moving} mode"
         f"{'s oscillate' if moving > 1 else ' oscillates'}; {peaks_text} "
         f"(front {_frequencies(peaks['front'])} Hz, rear {_frequencies(peaks['rear'])} Hz)."
     ]
     for reading in study["readings"]:
-        recordings.append(
+        lines.append(
             f"  {reading['seconds']:.0f} s over white noise, {reading['records']} records: "
             f"identified from peaks {percent(reading['peaks']['share'])}, by subspaces "
             f"{percent(reading['subspace']['share'])}"
         )
-    return recordings
+    return lines
 
 
 def greybox_lines(document: Document) -> list[str]:
     """Describe the document of ``bayes-asv greybox``."""
-    recordings = []
+    lines = []
     for way in document["estimates"]:
-        recordings.append(_heading(way))
+        lines.append(_heading(way))
         if way["verdict"] == "refused":
-            recordings += [f"  Reason: {plain(reason)}." for reason in way["reasons"]]
+            lines += [f"  Reason: {plain(reason)}." for reason in way["reasons"]]
             continue
         for name, p in way["parameters"].items():
             sd = p["sd"] if math.isfinite(p["sd"] or 0.0) else None
-            recordings.append(
+            lines.append(
                 f"  {LABELS[name]}: {number(p['value'], sd)} ± {number(p['sd'], p['sd'])} "
                 f"{readable_unit(p['unit'])}"
             )
         fit = ", ".join(f"{n.replace('_', ' ')} {v:.1f} %" for n, v in way["fit_percent"].items())
-        recordings.append(f"  fit: {fit}")
+        lines.append(f"  fit: {fit}")
         p_values = ", ".join(probability(w["p"]) for w in way["whiteness"].values())
-        recordings.append(f"  whiteness of the residuals: p = {p_values}")
+        lines.append(f"  whiteness of the residuals: p = {p_values}")
         worst = min((t["p"] for t in way["independence"]), default=None)
-        recordings.append(
-            f"  independence of residuals and inputs: smallest p = {probability(worst)}"
-        )
-        recordings.append(f"  AIC {number(way['aic'], 1.0)}, BIC {number(way['bic'], 1.0)}")
+        lines.append(f"  independence of residuals and inputs: smallest p = {probability(worst)}")
+        lines.append(f"  AIC {number(way['aic'], 1.0)}, BIC {number(way['bic'], 1.0)}")
         if any((w["p"] or 0.0) < 0.01 for w in way["whiteness"].values()):
-            recordings.append(
+            lines.append(
                 "  The residuals are not white, so the standard deviations above are too small; "
                 "'bayes-asv estimate' gives valid intervals."
             )
-    recordings += [f"Note: {plain(w)}." for w in document["warnings"]]
-    return recordings
+    lines += [f"Note: {plain(w)}." for w in document["warnings"]]
+    return lines
 
 
 def _heading(way: Document) -> str:
@@ -121,35 +117,35 @@ def reproduction_lines(document: Document) -> list[str]:
         for row in table["rows"] if row["printed"] is not None
     ]  # fmt: skip
     count = len(rows) + sum(len(r["printed"]) for r in document["tables"]["8.1"]["rows"])
-    recordings = [
+    lines = [
         f"{count} printed figures of Tables {', '.join(document['tables'])} compared. Differences "
         "above 0.5 %:"
     ]
     for key, row in rows:
         if abs(row["difference_percent"]) > 0.5:
-            recordings.append(
+            lines.append(
                 f"  Table {key}, {row['label']}: printed {number(row['printed'])}, by its rule "
                 f"{number(row['its_way'])}, correct {number(row['corrected'])} "
                 f"{readable_unit(row['unit'])}".rstrip()
             )
-    recordings.append("Table 8.1 on shipped runs (the reference's recordings are not public):")
+    lines.append("Table 8.1 on shipped runs (the reference's recordings are not public):")
     for row in document["tables"]["8.1"]["rows"]:
         for run, ours in row["ours"].items():
-            answer = "refused"
+            interval = "refused"
             if ours["posterior"] is not None:
                 low, high = ours["posterior_eti95"]
                 sd = (high - low) / 4.0
                 mean, bottom, top = (number(v, sd, 1) for v in (ours["posterior"], low, high))
-                answer = f"{mean} ({bottom} to {top})"
-            recordings.append(
+                interval = f"{mean} ({bottom} to {top})"
+            lines.append(
                 f"  {row['name']}, {run.removesuffix('.csv')}: true {number(ours['truth'])}, "
                 f"reference's method {number(ours['its_way'])}, "
                 f"deflection {number(ours['deflection'])}, "
-                f"posterior {answer} {readable_unit(row['unit'])}"
+                f"posterior {interval} {readable_unit(row['unit'])}"
             )
     for study in document["spectral"]:
-        recordings += study_lines(study)
-    return recordings
+        lines += study_lines(study)
+    return lines
 
 
 def _frequencies(values: list[float]) -> str:

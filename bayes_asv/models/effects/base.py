@@ -1,8 +1,7 @@
-"""What an effect is: a law with its parameters, priors and usual tolerances.
+"""Definition of an effect: a law with its parameters, priors and usual tolerances.
 
-A *tolerance* is the deviation of an effect that nobody would call a fault: data sheets allow
-it, and a real car has a little of everything.  Naming an effect means that its main parameter
-is given the wide prior instead.
+A *tolerance* is the size of an effect in a healthy car (one standard deviation across cars), such
+as data sheets allow.  Naming an effect replaces this prior of its main parameter with a wide one.
 """
 
 from __future__ import annotations
@@ -33,7 +32,7 @@ Acts = Literal["suspension", "car", "reading"]
 
 @dataclass(frozen=True)
 class Scale:
-    """Sizes of one car that priors are given in.
+    """Units of one car in which priors are given.
 
     Parameters
     ----------
@@ -49,24 +48,24 @@ class Scale:
 
 @dataclass(frozen=True)
 class Parameter:
-    """One parameter of an effect and what is believed of it once the effect is named.
+    """One parameter of an effect, with its prior in a model that includes the effect.
 
     Parameters
     ----------
     name, unit : str
         As in ``docs/interfaces.md``; the unit is SI.
     form : {'linear', 'log', 'positive', 'sinh'}
-        The value is ``centre + wide z``, ``centre exp(wide z)``, ``wide |z|`` or
-        ``centre + wide sinh(z)`` of a standard normal z; the third is a half-normal prior, the
-        last one has long tails, for what may be many times its usual size.
+        With a standard normal z and the scale s, the value is ``centre + s z``,
+        ``centre exp(s z)``, ``s |z|`` or ``centre + s sinh(z)``; the third is a half-normal prior,
+        the last one is heavy-tailed, for parameters that may be many times their usual size.
     centre, prior_scale : float
         See ``form``.
     initial_values : tuple of float
-        Values from which a fit begins.
+        Initial values of a fit.
     prior_unit : {'', 'load', 'spring'}
-        What ``centre``, ``prior_scale`` and ``initial_values`` are shares of; nothing when empty.
+        Unit of ``centre``, ``prior_scale`` and ``initial_values``, see :class:`Scale`; SI if empty.
     shape : bool
-        It only says how sharply a law bends, and is not reported.
+        Whether it determines only the shape of a law, and is not reported.
     """
 
     name: str
@@ -79,7 +78,7 @@ class Parameter:
     shape: bool = False
 
     def size(self, scale: Scale) -> float:
-        """Return what the prior's numbers are multiplied by for one car."""
+        """Return the factor on the numbers of the prior for one car."""
         return float(getattr(scale, self.prior_unit)) if self.prior_unit else 1.0
 
     def value(self, z: Array | float, scale: Scale) -> Array:
@@ -107,73 +106,74 @@ class Parameter:
 
 @dataclass(frozen=True, eq=False)
 class Effect:
-    """Something that a car or a sensor may do and the linear half car does not.
+    """A deviation of a car or a sensor from the linear model.
 
     Parameters
     ----------
     name : str
         As in ``docs/interfaces.md``.
     title : str
-        In words, for reports.
+        Description for reports.
     acts : {'suspension', 'car', 'reading'}
-        On the force of an axle, on a given value, or on what a sensor says.
+        Whether it changes the force of an axle, a given value, or the reading of a sensor.
     allowed_places : tuple of str
-        Where it can be: axles, both of them alike, channels, groups of channels
-        (:data:`bayes_asv.domain.clocks.GROUPS`), or an empty string.
+        Places: axles, both axles alike, channels, groups of channels
+        (:data:`bayes_asv.domain.clocks.GROUPS`), or an empty string for the car.
     parameters : tuple of Parameter
-        The first is the one that vanishes with the effect.
+        The first is the size, which vanishes without the effect.
     tolerance_values : mapping or None
-        Values of the parameters (times their ``per``) that are one deviation of what every car
-        may have; None when nobody has a little of it.
+        Parameter values at one tolerance (1 sd across healthy cars), in units of ``prior_unit``;
+        None if healthy cars never show the effect.
     scaled_to_range : callable or None
-        From the values that are a little of it, the travel (m) and the speed (m/s) that were used:
-        the values of a law that is as straight over those, where they are less than usual.
+        From values at one tolerance, and the travel (m) and speed (m/s) of the drive: values with
+        the same nonlinearity over that range, if it is smaller than usual.
     tolerance_ratio : callable or None
-        From values and the values that are a little of it: how many times that they are, where
-        that is not a matter of the first parameter alone.
+        From parameter values and the values at one tolerance: size in tolerances; None if that
+        depends on the first parameter only.
     code : int
         Branch of :mod:`bayes_asv.filters.force_laws`; −1 for other effects.
     packed : callable or None
         From the parameters' values to the branch's p0 … p3.
     force : callable or None
-        The readable form: what the law adds to −k δ − c δ̇ (N), as a function of the parameters'
-        values, c, k, δ, δ̇ and the share of the recording that has gone by.
+        Reference implementation: force in addition to −k δ − c δ̇, N, as a function of the
+        parameters' values, c, k, δ, δ̇ and the elapsed share of the recording.
     drive : str
         The drive that shows it best, in words.
     split_between_axles : bool
-        On both axles each gets half of the first parameter, in place of all of it.
+        Whether an effect on both axles has half of the first parameter at each, instead of all.
     travel : bool
-        The law depends on where the suspension is, so that it matters where that is at rest.
+        Whether the law depends on the absolute deflection, so that the static position matters.
     on_car : callable or None
         Changes the car's parameters by name (each (W,)) in place, given the effect's own values,
-        its place and the car.
+        place and car.
     on_gain, on_pole : callable or None
-        From the effect's values to the factor (W,) on the gain of the channel, or on the pole that
-        the sensor's own noise passed.
+        From the effect's values to the factor (W,) on the gain of the channel, or on the pole of
+        the filter that the sensor's noise passed.
     fault : {'', 'lag', 'bandwidth', 'drift'}
-        What it does to the samples of a channel, see :mod:`bayes_asv.posterior.effects`.
+        Change of the samples of a channel, see :mod:`bayes_asv.posterior.effects`.
     one_sided : bool
-        There cannot be less than nothing of it.
+        Whether the size cannot be negative.
     stops : {'', 'compression', 'extension'}
-        The motion that it stops.
+        Direction of the motion that a travel stop limits; empty for other effects.
     in_one_run : bool
-        It acts in one recording only, at a time of its own.
+        Whether it acts in one recording only, in an interval with an unknown start.
     on_damper : bool
-        It changes the force of a damper over its speed.
+        Whether it changes the force–velocity curve of a damper.
     on_spring : bool
-        It changes the force of a spring over its deflection.
+        Whether it changes the force–deflection curve of a spring.
     dissipative : bool
-        Its force is against the rate of deflection and takes power beside that of the damper.
+        Whether its force opposes the rate of deflection, and dissipates power in addition to the
+        damper.
     contains : tuple of str
-        Names of effects that are special forms of it.
+        Names of effects that are special cases of it.
     free_form : bool
-        Its law is a curve without a formula: a damper with it has no single rate to hold against a
-        nominal one.
+        Whether its law is a curve without a formula; a damper with such a curve has no single rate
+        to compare with the nominal one.
     on_request : bool
-        It is added where a user names it, or where no other effect explains what is left; no score
-        test looks for it.
+        Whether it is added only if a user names it or if no other effect explains the residuals;
+        score tests do not include it.
     fit_starts : tuple of mapping
-        Values of parameters from which its fit begins, where it is on request.
+        Initial values of its fit, if it is on request.
     """
 
     name: str
@@ -207,25 +207,25 @@ class Effect:
 
     @property
     def places(self) -> tuple[str, ...]:
-        """Where it can be on any car: what may be at an axle may be at one corner of it.
+        """Places on any car: the allowed ones, and for effects at axles also the corners.
 
-        A push in one run is looked for at axles alone.
+        An external force in one run is considered at axles only.
         """
         at_corners = set(AXLES) <= set(self.allowed_places) and not self.in_one_run
         return (*self.allowed_places, *CORNERS) if at_corners else self.allowed_places
 
     def tolerance_values_for(self, scale: Scale) -> dict[str, float]:
-        """Values at one tolerance, for one car."""
+        """Parameter values at one tolerance for one car, SI units."""
         assert self.tolerance_values is not None
         return {p.name: self.tolerance_values[p.name] * p.size(scale) for p in self.parameters}
 
     def in_tolerances(self, values: Mapping[str, float], little: Mapping[str, float]) -> float:
-        """Say how many times a little of it some values are.
+        """Return the size of the effect in tolerances.
 
         Parameters
         ----------
         values, little : mapping
-            Values of its parameters, SI units, and those that are one tolerance.
+            Parameter values, and those at one tolerance, SI units.
         """
         if self.tolerance_ratio is not None:
             return self.tolerance_ratio(values, little)
@@ -241,7 +241,7 @@ class PlacedEffect:
     Parameters
     ----------
     effect : Effect
-        What.
+        The effect.
     where : str
         An axle, ``both``, a corner, a channel, a group of channels, or an empty string.
     run : int or None
@@ -253,20 +253,20 @@ class PlacedEffect:
     run: int | None = None
 
     def __str__(self) -> str:
-        """Name and place as the command line takes them."""
+        """Name and place in the syntax of the command line."""
         return f"{self.effect.name}@{self.where}" if self.where else self.effect.name
 
     @property
     def key(self) -> tuple[str, int | None]:
-        """What tells it from every other one."""
+        """Unique key: name with place, and run."""
         return str(self), self.run
 
     def elements(self, car: CarModel) -> tuple[int, ...]:
-        """Numbers of the suspension elements of a car at which it acts; none for a sensor."""
+        """Return the indices of the suspension elements at which it acts; none for a sensor."""
         return car.elements_at(self.where) if self.where else ()
 
     def channels(self, names: Sequence[str]) -> tuple[str, ...]:
-        """Channels among some whose readings it changes: that of its place, or those of a group."""
+        """Channels among the given ones whose readings it changes."""
         if self.effect.acts != "reading":
             return ()
         if self.where in GROUPS:
@@ -279,12 +279,12 @@ class PlacedEffect:
         return frozenset(c for c in CORNERS if self.where in (c, c.partition("_")[0], BOTH))
 
     def overlaps(self, other: PlacedEffect) -> bool:
-        """Whether it is the same effect at a corner in common, or at the same place."""
+        """Whether another effect is the same one at the same place or at a common corner."""
         alike = self.where == other.where or bool(self.corners & other.corners)
         return self.effect.name == other.effect.name and alike
 
     def subsumes(self, other: PlacedEffect) -> bool:
-        """Whether another effect at a corner in common is this one, or a special form of it."""
+        """Whether another effect at a common corner is the same one, or a special case of it."""
         form = other.effect.name in self.effect.contains and bool(self.corners & other.corners)
         return form or self.overlaps(other)
 

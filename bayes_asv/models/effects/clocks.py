@@ -1,7 +1,7 @@
-"""A clock that is off: a group of channels sampled later than the others by the same time.
+"""A clock offset: a group of channels sampled later than the others by the same time.
 
-``offset``: positive when the group is late.  :func:`bayes_asv.estimation.estimate` takes the effect
-for a clock of :mod:`bayes_asv.domain.clocks`, which has an offset in each run and a drift as well.
+``offset`` is positive if the group is late.  :func:`bayes_asv.estimation.estimate` replaces the
+effect by a clock of :mod:`bayes_asv.domain.clocks`, which has an offset in each run and a drift.
 """
 
 from __future__ import annotations

@@ -3,9 +3,9 @@
 F = −c G(δ̇) with G(v) = ∫₀ᵛ g.  The relative slope g is piecewise linear between knots at
 0, ±6.25 mm/s, and each time twice that up to ±0.8 m/s, constant beyond, and positive, so that the
 force rises with speed.  From knot to knot ln g takes independent steps of _USUAL sinh(z), with z
-standard normal: a random walk over the logarithm of speed that is smooth where the data ask for
-nothing else, and whose long tails (nine times the usual step at three deviations) leave room for a
-knee, or for a damper that yields all along.
+standard normal: a random walk over the logarithm of speed, which is smooth where the data are not
+informative, and whose heavy tails (nine times the usual step at three standard deviations) permit a
+knee, or a damper whose slope falls over the whole range.
 
 g is scaled so that E[g] = 1 for normally distributed rates of deflection.  By Stein's lemma that is
 E[F v] = −c E[v²]: c is the rate of the linear damper that takes the same power at those rates.
@@ -31,9 +31,10 @@ _SIDE = CURVE_FIRST * 2.0 ** np.arange(CURVE_KNOTS)
 KNOTS: Array = np.concatenate([-_SIDE[::-1], [0.0], _SIDE])
 """Rates of deflection at the knots, m/s."""
 _STEPS = step_names(CURVE_KNOTS)
-# A force that does not rise with speed leaves the rate of a damper in series undetermined.
+# Least relative slope: the rate of a damper in series with a stiffness is not determined by a force
+# that does not rise with speed.
 _FLATTEST = 1e-3
-_USUAL = 0.3  # step of ln g from knot to knot
+_USUAL = 0.3  # scale of the prior of the steps of ln g from knot to knot
 
 
 def _weights() -> Array:

@@ -1,7 +1,7 @@
-"""A damper that fades: c at the start of a run, ``loss`` the share gone at its end.
+"""A damper that fades: rate c at the start of a run, (1 − ``loss``) c at its end.
 
-In between, (1 − e^{−b s}) / (1 − e^{−b}) of the loss has come when the share s of the run has gone
-by: straight in time for b = 0, levelling off as oil that has warmed for b > 0.
+After the share s of the run, (1 − e^{−b s}) / (1 − e^{−b}) of the loss has occurred: linear in time
+for b = 0, levelling off for b > 0, as with oil that reaches its operating temperature.
 """
 
 from __future__ import annotations

@@ -1,8 +1,8 @@
 """A damper whose force lags velocity, since it is in series with a stiffness (a Maxwell element).
 
-ṁ = K (δ̇ − u) with F(u) = m: m is the damper's force, F its law and u the rate at its own ends.
-Gas, compressible oil and rubber mounts make the stiffness K of the axle's dampers.  A linear damper
-lags by c/K.
+ṁ = K (δ̇ − u) with F(u) = m: m is the damper's force, F its law and u the rate across the damper
+without the series stiffness.  The stiffness K of the axle's dampers is due to gas, compressible oil
+and rubber mounts.  The force of a linear damper lags by c/K.
 """
 
 from __future__ import annotations

@@ -1,7 +1,7 @@
 """A damper whose force flattens out.
 
 F = −c δ̇ (1 + |δ̇/knee|ᵖ)^(−1/p): c is the slope at rest and c·knee the force far out.  p = 2 is the
-form of reference; p is free about it, since dampers bend more or less sharply.
+form of reference; p has a prior around it, since the knee may be more or less sharp.
 """
 
 from __future__ import annotations
@@ -15,8 +15,8 @@ from bayes_asv.models.effects.base import AXLES, BOTH, Array, Effect, Parameter
 
 __all__ = ["EFFECT"]
 
-_STRAIGHT = 5.0  # times a speed, of a knee that takes 2 % there
-_SLOWEST = 0.1  # m/s, of a drive whose dampers have been seen at all
+_KNEE_RATIO = 5.0  # ratio of knee to speed at which the law reduces the force by 2 %
+_MIN_SPEED = 0.1  # least speed of the dampers in an informative drive, m/s
 
 
 def _packed(values: Mapping[str, float]) -> tuple[float, ...]:
@@ -31,20 +31,20 @@ def _force(
     return np.asarray(-c * rate * (factor - 1.0))
 
 
-def _straight(values: Mapping[str, float], travel: float, speed: float) -> dict[str, float]:
-    """2 % less at the largest speed."""
-    return {**values, "knee": min(values["knee"], _STRAIGHT * max(speed, _SLOWEST))}
+def _scaled_to_speed(values: Mapping[str, float], travel: float, speed: float) -> dict[str, float]:
+    """Values with 2 % less force at the largest speed."""
+    return {**values, "knee": min(values["knee"], _KNEE_RATIO * max(speed, _MIN_SPEED))}
 
 
-def _times(values: Mapping[str, float], little: Mapping[str, float]) -> float:
-    """By what is lost at that speed, however sharply the curve bends."""
-    speed = little["knee"] / _STRAIGHT
+def _loss_ratio(values: Mapping[str, float], little: Mapping[str, float]) -> float:
+    """Ratio of the losses of force at the speed at which one tolerance loses 2 %."""
+    speed = little["knee"] / _KNEE_RATIO
 
-    def lost(law: Mapping[str, float]) -> float:
+    def loss(law: Mapping[str, float]) -> float:
         p = law["sharpness"]
         return float(-np.expm1(-np.log1p((speed / law["knee"]) ** p) / p))
 
-    return lost(values) / lost(little)
+    return loss(values) / loss(little)
 
 
 EFFECT = Effect(
@@ -57,8 +57,8 @@ EFFECT = Effect(
         Parameter("sharpness", "", "log", 2.2, 0.25, (2.2,), shape=True),
     ),
     tolerance_values={"knee": 2.5, "sharpness": 2.0},  # 2 % less at 0.5 m/s
-    scaled_to_range=_straight,
-    tolerance_ratio=_times,
+    scaled_to_range=_scaled_to_speed,
+    tolerance_ratio=_loss_ratio,
     one_sided=True,
     code=DIGRESSIVE,
     packed=_packed,

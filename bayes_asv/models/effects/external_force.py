@@ -1,6 +1,6 @@
-"""A force from outside that pushes the chassis for a while, in one run only.
+"""An external force on the chassis for part of one run.
 
-It acts at an axle line, or half at each.
+It acts at one axle, or half of it at each.
 """
 
 from __future__ import annotations

@@ -1,4 +1,4 @@
-"""Given values that are wrong: a factor on an axle's spring rate or on the front weight share."""
+"""Wrong given values: a factor on an axle's spring rate or on the front weight fraction."""
 
 from __future__ import annotations
 
@@ -29,9 +29,9 @@ def _spring(
 def _weight(
     car: dict[str, Array], values: Mapping[str, Array], where: str, model: CarModel
 ) -> None:
-    """Shift the fraction by a share of the given one.
+    """Shift the weight fraction by a share of its nominal value.
 
-    A factor on what the fraction is taken to be would make a curved ridge of the two.
+    A factor on the fraction itself would make the joint posterior of the two a curved ridge.
     """
     for parameter in model.parameters:
         if parameter.kind == "fraction":

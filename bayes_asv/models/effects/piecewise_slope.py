@@ -10,11 +10,11 @@ from bayes_asv.models.effects.base import Array
 
 __all__ = ["integral", "slopes_of_steps", "step_names"]
 
-_MOST = 50.0  # of |ln g|, so that nothing overflows
+_MOST = 50.0  # bound on |ln g|, to avoid overflow
 
 
 def step_names(count: int) -> tuple[str, ...]:
-    """Return the names of the steps of ln g, from rest on, to so many knots on either side."""
+    """Return the names of the steps of ln g, outward from rest, to ``count`` knots on each side."""
     return tuple(f"{side}_{k + 1}" for side in ("compression", "extension") for k in range(count))
 
 
@@ -26,7 +26,7 @@ def slopes_of_steps(values: Mapping[str, float], names: tuple[str, ...]) -> Arra
     values : mapping of str to float
         The step of ln g from each knot to the next one.
     names : tuple of str
-        Of :func:`step_names`.
+        Names of the steps, from :func:`step_names`.
     """
     steps = np.array([values[name] for name in names])
     compression, extension = (np.cumsum(side) for side in np.split(steps, 2))
@@ -40,9 +40,9 @@ def integral(knots: Array, slopes: Array, x: Array) -> Array:
     Parameters
     ----------
     knots : (K,) array
-        Where the slope is given, rising, as many on either side of the middle one, which is zero.
+        Increasing knots, the same number on each side of the middle one, which is zero.
     slopes : (K,) array
-        The slope there.
+        Slopes at the knots.
     x : (N,) array
         Upper limits, in the unit of the knots.
 

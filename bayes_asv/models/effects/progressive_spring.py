@@ -1,4 +1,4 @@
-"""A spring that stiffens: F = −k δ (1 + κ δ² + q κ² δ⁴); κ is asked for, q only shapes the rest."""
+"""A spring that stiffens: F = −k δ (1 + κ δ² + q κ² δ⁴) with the size κ and a shape parameter q."""
 
 from __future__ import annotations
 
@@ -9,7 +9,7 @@ from bayes_asv.models.effects.base import AXLES, BOTH, Array, Effect, Parameter
 
 __all__ = ["EFFECT"]
 
-_LEAST = 0.005  # m, of a drive whose springs have been seen at all
+_MIN_TRAVEL = 0.005  # least travel of the springs in an informative drive, m
 
 
 def _packed(values: Mapping[str, float]) -> tuple[float, ...]:
@@ -23,9 +23,9 @@ def _force(
     return -k * delta * (x + values["curl"] * x**2)
 
 
-def _straight(values: Mapping[str, float], travel: float, speed: float) -> dict[str, float]:
-    """1.5 % more at the largest travel."""
-    return {**values, "kappa": max(values["kappa"], 0.015 / max(travel, _LEAST) ** 2)}
+def _scaled_to_travel(values: Mapping[str, float], travel: float, speed: float) -> dict[str, float]:
+    """Values with 1.5 % more force at the largest travel."""
+    return {**values, "kappa": max(values["kappa"], 0.015 / max(travel, _MIN_TRAVEL) ** 2)}
 
 
 EFFECT = Effect(
@@ -34,12 +34,13 @@ EFFECT = Effect(
     acts="suspension",
     allowed_places=(*AXLES, BOTH),
     parameters=(
-        # 0.4 at 5 cm of travel, but as much within 1 cm on a car that has no more
+        # κ δ² = 0.4 at 5 cm of travel; heavy-tailed, since it may be as large at 1 cm on a car with
+        # little travel
         Parameter("kappa", "1/m^2", "sinh", 0.0, 150.0, (20.0, 150.0)),
         Parameter("curl", "", "linear", 0.15, 0.15, (0.15,), shape=True),
     ),
     tolerance_values={"kappa": 6.0, "curl": 0.15},  # 1.5 % at 5 cm
-    scaled_to_range=_straight,
+    scaled_to_range=_scaled_to_travel,
     code=PROGRESSIVE,
     packed=_packed,
     force=_force,

@@ -1,8 +1,9 @@
 """Sensors that are not as declared: scale, lag, corner frequency and drift of a channel.
 
-``factor``: reads that many times too much.  ``lag``: samples that much later than declared.
-``bandwidth``: corner of its filter, Hz.  ``slope``: drift of its zero, m/s² a second; of another
-quantity as large a share of its offset (:func:`bayes_asv.models.outputs.relative_offset`).
+``factor``: on the reading.  ``lag``: sampling delay beyond the declared one.  ``bandwidth``: factor
+on the corner frequency of the sensor's filter.  ``slope``: drift of the offset, m/s² per second;
+for other quantities, in proportion to the offset
+(:func:`bayes_asv.models.outputs.relative_offset`).
 """
 
 from __future__ import annotations
@@ -22,8 +23,8 @@ GAIN = Effect(
     on_gain=lambda values: values["factor"],
     drive="turn the sensor over on a level table: it must read plus and minus one g",
 )
-# A board may be late by a sample or two at 400 Hz: under a prior of 1 ms a lag of 5 ms had been two
-# half as large, of the wheel and of the chassis above it.
+# A board may be late by a sample or two at 400 Hz.  With a prior sd of 1 ms, a lag of 5 ms was
+# attributed in halves to the wheel and to the chassis above it.
 LAG = Effect(
     name="sensor_lag",
     title="an undeclared delay",
@@ -41,7 +42,7 @@ BANDWIDTH = Effect(
     allowed_places=KNOWN_CHANNELS,
     parameters=(Parameter("bandwidth", "share", "log", 1.0, 0.4, (1.0,)),),
     tolerance_values={"bandwidth": 1.02},
-    on_pole=lambda values: values["bandwidth"],  # its own noise passes the one it has
+    on_pole=lambda values: values["bandwidth"],  # the sensor's noise passes the actual filter
     fault="bandwidth",
     drive="shake all sensors on one plate",
 )

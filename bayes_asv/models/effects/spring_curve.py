@@ -4,8 +4,8 @@ F = −k G(δ) with G(δ) = ∫₀^δ g.  The relative slope g is piecewise line
 and each √2 times the last up to ±91 mm, constant beyond, and positive, so that the force rises with
 deflection.  g(0) = 1: k is the stiffness at rest, as given.  From knot to knot ln g takes
 independent normal steps with a standard deviation of _STEP: a random walk over the logarithm of
-deflection, which is smooth where the data ask for nothing else, and by which a slope twenty times
-as far from rest may be twice or half as large.
+deflection, which is smooth where the data are not informative, and with which the slope may double
+or halve at twenty times the deflection.
 """
 
 from __future__ import annotations
@@ -24,7 +24,7 @@ _SIDE = SPRING_FIRST * SPRING_RATIO ** np.arange(SPRING_KNOTS)
 KNOTS: Array = np.concatenate([-_SIDE[::-1], [0.0], _SIDE])
 """Deflections at the knots, m."""
 _STEPS = step_names(SPRING_KNOTS)
-_STEP = 0.22  # of ln g from knot to knot
+_STEP = 0.22  # prior sd of the steps of ln g from knot to knot
 
 
 def slopes(values: Mapping[str, float]) -> Array:

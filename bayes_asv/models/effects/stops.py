@@ -1,9 +1,8 @@
 """Travel stops: beyond a gap from rest a second spring acts, its onset rounded over a width.
 
-F = −rate · w (d/w)ᵖ against the motion, with d = ½ (e + √(e² + w²)) and e the travel beyond the
-gap, less what that leaves at rest.  Steel has p = 1, rubber that is squeezed more than that; where
-a stop is just touched, the power says how it comes in.  A bump stop acts in compression, a droop
-stop in extension.
+F = −rate · w (d/w)ᵖ against the motion, minus the same at rest, with d = ½ (e + √(e² + w²)) and e
+the travel beyond the gap.  Steel has p = 1, compressed rubber p > 1; at light contact, the power
+determines the onset.  A bump stop acts in compression, a droop stop in extension.
 """
 
 from __future__ import annotations
