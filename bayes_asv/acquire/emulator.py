@@ -118,7 +118,7 @@ def default_drive(vehicle: Vehicle, seed: int) -> Recording:
     """Simulate the nominal car over two parking stops, as voltages without delays and steps.
 
     The converters add both. Every sensor has a small random offset, as mounted sensors do: at rest
-    exactly between two counts its quantization error would not look like noise of q²/12.
+    exactly between two counts its quantisation error would not look like noise of q²/12.
     """
     bare = replace(
         vehicle,

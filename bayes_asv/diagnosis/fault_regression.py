@@ -115,7 +115,7 @@ class _Regression(NamedTuple):
     log_occam_factor: float = 0.0
 
 
-class _Linearized:
+class _Linearised:
     """A model linearised in the sizes of unlisted faults.
 
     Parameters
@@ -270,7 +270,7 @@ def regress_on_unlisted_faults(
     """
     dataset, model, evidence = assessed.denoised, assessed.model, assessed.evidence
     current = _Regression()
-    at = _Linearized(dataset, model, evidence, current)
+    at = _Linearised(dataset, model, evidence, current)
     all_terms = fault_terms(at.denoised.dataset, rms_travel(at.motions))
     while len(current.deviations) < _MAX_KINDS:
         refined = [term for term in current.terms if term not in all_terms]
@@ -293,7 +293,7 @@ def regress_on_unlisted_faults(
             model = fit_again(dataset, model, model.placed_effects)
             if not math.isfinite(model.mode.log_posterior):
                 return None
-            at = _Linearized(dataset, model, evidence, current)
+            at = _Linearised(dataset, model, evidence, current)
     if not current.terms:
         return None
     scores = at.along(current.terms)
@@ -317,7 +317,7 @@ def regress_on_unlisted_faults(
 
 
 def _optimise_constants(
-    at: _Linearized, terms: Sequence[FaultTerm], kinds: Mapping[Kind, float]
+    at: _Linearised, terms: Sequence[FaultTerm], kinds: Mapping[Kind, float]
 ) -> _Scores:
     """Replace the terms of each kind with continuous constants by a single one, optimised.
 
@@ -354,7 +354,7 @@ class _SingleForm:
 
     Parameters
     ----------
-    at : _Linearized
+    at : _Linearised
         The model.
     like : FaultTerm
         A term of that kind.
@@ -364,7 +364,7 @@ class _SingleForm:
         All kinds, with prior standard deviations.
     """
 
-    at: _Linearized
+    at: _Linearised
     like: FaultTerm
     others: _Scores | None
     kinds: Mapping[Kind, float]
@@ -395,7 +395,7 @@ def _simplex(begin: Array) -> Array:
     return np.concatenate([begin[None], begin + 0.1 * np.eye(len(begin))])
 
 
-def _join_scores(at: _Linearized, one: _Scores | None, other: _Scores) -> _Scores:
+def _join_scores(at: _Linearised, one: _Scores | None, other: _Scores) -> _Scores:
     """Join the scores of two sets of terms."""
     if one is None:
         return other
@@ -431,7 +431,7 @@ def _perturb_holdout(dataset: Dataset, model: FittedModel, current: _Regression)
     return dataset
 
 
-def _causes(at: _Linearized, current: _Regression, scores: _Scores) -> tuple[UnnamedCause, ...]:
+def _causes(at: _Linearised, current: _Regression, scores: _Scores) -> tuple[UnnamedCause, ...]:
     """Divide the change of the predictions among the kinds of fault."""
     sizes, dataset = current.sizes / scores.factors, at.denoised.dataset
     shares = []

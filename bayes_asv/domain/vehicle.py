@@ -99,9 +99,9 @@ class Sensor:
     low, high : float
         Limits of the measuring range.
     noise : float or None
-        Root-mean-square noise of one sample without quantization.
+        Root-mean-square noise of one sample without quantisation.
     resolution : float or None
-        Quantization step.
+        Quantisation step.
     bandwidth : float or None
         Corner frequency of the one-pole output filter, Hz.
     delay : float

@@ -47,7 +47,7 @@ class Rows(NamedTuple):
     """Offsets of the rows in a block; each is that of the first row of its quantity.
 
     Fixed offsets into one array show the compiler that rows do not overlap, and unsigned ones that
-    no index counts from the end.  Without either it would not vectorize, at eight times the cost.
+    no index counts from the end.  Without either it would not vectorise, at eight times the cost.
 
     Parameters
     ----------

@@ -18,7 +18,7 @@ measurement noise.
 
 A moving reference follows the estimate: after each reading μ, D and J absorb m and F.  A fixed
 reference stays, so that a window can be filtered again with sigma points where later readings have
-shown the parameters to be (posterior linearization; García-Fernández et al. 2015).
+shown the parameters to be (posterior linearisation; García-Fernández et al. 2015).
 
 With force laws the state is not linear in itself either; :mod:`bayes_asv.filters.ukf_forces` takes
 the place of the linear prediction step, and all else stays as it is.

@@ -1,6 +1,6 @@
 """Prediction step of the unscented filter for a car with force laws, compiled.
 
-The force laws and their discretization are those of :mod:`bayes_asv.filters.suspension_forces`: the
+The force laws and their discretisation are those of :mod:`bayes_asv.filters.suspension_forces`: the
 forces that passed the sensors' filter are states behind those of the motion.  Each sigma point of
 the parameters is a lane, with laws, rates and motion of its own.  Given the parameters the motion
 is not linear any more; its covariance follows the slopes of the forces at the reference, as in the
@@ -181,7 +181,7 @@ def propagate_with_forces(
     gamma: Array,
     Q: Array,
 ) -> None:
-    """Propagate all sigma points over step k, and linearize it at the reference.
+    """Propagate all sigma points over step k, and linearise it at the reference.
 
     Parameters
     ----------

@@ -347,7 +347,7 @@ class Model(NamedTuple):
 
 
 class FilterSettings(NamedTuple):
-    """Thresholds of gating, noise adaptation, fault and drift detection, and relinearization.
+    """Thresholds of gating, noise adaptation, fault and drift detection, and relinearisation.
 
     Parameters
     ----------
@@ -368,7 +368,7 @@ class FilterSettings(NamedTuple):
         Long-run variance of the normalised innovations, one if they are white, beyond which
         parameters are taken to drift; the detection ends below its square root.
     information_gain : float
-        Information gain (nats) about the parameters after which the filter is relinearized.
+        Information gain (nats) about the parameters after which the filter is relinearised.
     review_interval : float
         Time (s) after which the filter's window is reviewed in any case.
     """

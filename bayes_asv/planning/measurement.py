@@ -74,7 +74,7 @@ def with_default_noise(
 
 
 class FilteredMotion(NamedTuple):
-    """Signals behind the sensors' filters, before noise, saturation and quantization.
+    """Signals behind the sensors' filters, before noise, saturation and quantisation.
 
     Parameters
     ----------
@@ -120,7 +120,7 @@ def simulate_recording(
 ) -> Recording:
     """Simulate the recording of a logger.
 
-    Each sensor adds noise that has passed its own filter, saturates and quantizes.
+    Each sensor adds noise that has passed its own filter, saturates and quantises.
 
     Parameters
     ----------

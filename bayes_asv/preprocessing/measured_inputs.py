@@ -96,7 +96,7 @@ def denoise_wheel(
 
 
 def sample_noise(recording: PreparedRecording, c: int) -> float:
-    """Return the standard deviation of one sample of a channel, m/s²: noise, and quantization."""
+    """Return the standard deviation of one sample of a channel, m/s²: noise, and quantisation."""
     given = recording.noise[c]
     return math.hypot(
         noise_level(recording, c) if given is None else given,

@@ -97,7 +97,7 @@ def rails(readings: Array, vehicle: Vehicle, channels: Sequence[Channel]) -> tup
     Returns
     -------
     low, high : (C, N) bool arrays
-        Whether a reading is at the rail, to within half a quantization step.
+        Whether a reading is at the rail, to within half a quantisation step.
     """
     low = np.zeros(readings.shape, bool)
     high = np.zeros(readings.shape, bool)

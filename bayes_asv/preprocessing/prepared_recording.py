@@ -125,7 +125,7 @@ class PreparedRecording:
     noise : tuple of float or None
         Declared standard deviation of one sample of each channel, SI units.
     quantization_steps : (C,) array
-        Quantization step of each channel, SI units; 0 where not given.
+        Quantisation step of each channel, SI units; 0 where not given.
     poles : (C,) array
         Pole of the filter that the readings of a channel passed, rad/s; 0 without one.
     bias_directions : (nu, nd) array
@@ -144,7 +144,7 @@ class PreparedRecording:
     removed_band : RemovedBand or None
         Correction of the likelihood for these bands.
     standstill_noise : (E, nu) array or None
-        Process noise added at standstill for quantization error.
+        Process noise added at standstill for quantisation error.
     start_time : float or None
         Time at which the recording began, s, if a filter removed its beginning.
     clock_variants : ClockVariants or None

@@ -1,6 +1,6 @@
-"""Noise of one sample of a channel, and quantization errors of signals at rest.
+"""Noise of one sample of a channel, and quantisation errors of signals at rest.
 
-While a signal crosses many steps, its quantization error is white noise of variance step²/12.  At
+While a signal crosses many steps, its quantisation error is white noise of variance step²/12.  At
 rest, a part of the error is constant, up to about (step/π) exp(−2π² (σ/step)²) with noise σ (Widrow
 & Kollár 2008, Quantization Noise, ch. 4), and a reading that toggles between two counts has an
 error of up to step²/4, autocorrelated as the noise is.  In a measured input, both are slow errors
@@ -46,7 +46,7 @@ STILL_WINDOW = 0.1
 STILL_STEPS = 2.5
 """Largest range of a channel at rest in this window, in steps of its converter."""
 _HARMONICS = 20  # number of harmonics of the sawtooth error that are added up
-# Change between readings, in steps, below which quantization errors are autocorrelated.
+# Change between readings, in steps, below which quantisation errors are autocorrelated.
 _TEETH = 0.5
 _LEAD = 0.5  # seconds kept before and after the drive
 _SUSPENSION_MEMORY = 0.15  # time after which the suspension has forgotten an input, s
@@ -73,7 +73,7 @@ def offset(step: float, noise: float) -> float:
 
 
 def with_noise_of_still_wheels(recording: PreparedRecording) -> PreparedRecording:
-    """Increase the noise of wheels at rest by their quantization errors.
+    """Increase the noise of wheels at rest by their quantisation errors.
 
     The outputs do not need this: on 40 drives of the 2008 car without a fault, with its ten bits
     and the noise of its data sheets, there were 22 false alarms before, and one with the noise of
@@ -111,7 +111,7 @@ def is_stationary(recording: PreparedRecording, c: int) -> NDArray[np.bool_]:
 
 
 def is_slow(recording: PreparedRecording, c: int) -> NDArray[np.bool_]:
-    """Whether a channel moves so slowly that its quantization errors are autocorrelated (E,).
+    """Whether a channel moves so slowly that its quantisation errors are autocorrelated (E,).
 
     If it changes by a fraction of a step between readings, its error is a sawtooth over several
     readings.
@@ -151,7 +151,7 @@ def spurious_drift(recording: PreparedRecording, c: int) -> float:
 
 
 def _excess_variance(recording: PreparedRecording, c: int) -> float:
-    """Variance (m²/s⁴) of white noise equivalent to the quantization error of a channel at rest."""
+    """Variance (m²/s⁴) of white noise equivalent to the quantisation error of a channel at rest."""
     time = recording.times[c, np.isfinite(recording.values[c])]
     if len(time) < 3:
         return 0.0
@@ -165,7 +165,7 @@ def _excess_variance(recording: PreparedRecording, c: int) -> float:
 
 
 def still_variance(step: float, noise: float, pole: float, every: float) -> float:
-    """Additional variance of white noise that is equivalent to quantization errors at rest.
+    """Additional variance of white noise that is equivalent to quantisation errors at rest.
 
     Zero if the converter is fine enough for its errors to be white at rest as well.
 

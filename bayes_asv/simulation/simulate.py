@@ -68,7 +68,7 @@ def simulate(
     """Simulate a recording of a car over a road.
 
     The hubs follow the road, the rear ones a wheelbase behind the front ones.  The body responds
-    as the linear car.  Each sensor filters, delays, adds noise, saturates and quantizes as declared
+    as the linear car.  Each sensor filters, delays, adds noise, saturates and quantises as declared
     in the vehicle file; what the file leaves out is ideal.
 
     Parameters

@@ -110,8 +110,8 @@ class DataChecks:
                     f"{source} are missing; check its wiring and the transfer"
                 )
         for c in sensors.inputs:
-            quantization = sensors.resolution[c] / np.sqrt(12.0)
-            floor = max(float(np.nan_to_num(sensors.noise[c])), quantization)
+            quantisation = sensors.resolution[c] / np.sqrt(12.0)
+            floor = max(float(np.nan_to_num(sensors.noise[c])), quantisation)
             if rms[c] < max(MIN_EXCITATION * floor, _MIN_RMS):
                 out.append(still_wheel(source, sensors.channels, c, rms.tolist()))
         return out

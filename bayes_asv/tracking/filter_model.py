@@ -229,7 +229,7 @@ def standstill_bias(sensors: SensorModel, early: Array, rate: float) -> Standsti
     pole = float(np.max(sensors.poles[list(sensors.inputs)]))
     correlation = np.exp(-pole / rate) if pole > 0.0 else 0.0
     variance_of_rows = projected.var(axis=0) * (1.0 + correlation) / (1.0 - correlation)
-    # the quantization error does not average out at standstill
+    # the quantisation error does not average out at standstill
     steps = sensors.resolution[list(sensors.inputs)] ** 2 / 12.0 + _LEAST**2
     variance = variance_of_rows / len(projected) + steps @ directions**2
     return StandstillBias(projected.mean(axis=0), np.sqrt(variance))

@@ -39,15 +39,15 @@ class SensorModel:
     channels : tuple of Channel
         The channels.
     noise : (C,) array
-        Standard deviation of one sample without quantization, SI units; NaN if undeclared.
+        Standard deviation of one sample without quantisation, SI units; NaN if undeclared.
     resolution : (C,) array
-        Quantization step, SI units; zero without one.
+        Quantisation step, SI units; zero without one.
     bandwidth : float or None
         Common pole of all readings after bandwidth matching, Hz.
     bandwidths : tuple of float or None
         Pole of each sensor, Hz.
     low, high : (C,) arrays
-        Limits of the range less half a quantization step, SI units; readings beyond are clipped.
+        Limits of the range less half a quantisation step, SI units; readings beyond are clipped.
     """
 
     car: CarModel
@@ -95,7 +95,7 @@ class SensorModel:
     def noise_parameters(self) -> Array:
         """Noise (3 C,) for ``ukf_state.Model``: white, filtered and poles.
 
-        The noise of a sensor passes its filter, if it has one; quantization noise is white.
+        The noise of a sensor passes its filter, if it has one; quantisation noise is white.
         """
         order = [*self.inputs, *self.outputs]
         poles = self.poles[order]
@@ -134,7 +134,7 @@ def sensor_model(
     names : sequence of C str
         Names of the channels.
     counts : sequence of C bool, optional
-        Whether each channel is in counts, so that its scale is its quantization step; none by
+        Whether each channel is in counts, so that its scale is its quantisation step; none by
         default.
 
     Returns
@@ -193,7 +193,7 @@ def estimate_noise(
     time, readings : (N,) arrays
         Instants, s, and readings, SI units.
     resolution : float
-        Quantization step, SI units.
+        Quantisation step, SI units.
     pole : float
         Pole of the sensor's filter, rad/s; zero without one.
     unknown : float
@@ -207,7 +207,7 @@ def estimate_noise(
     for _ in range(_ROUNDS):
         small = differences[differences < _CLIP * level]
         level = max(float(np.sqrt(np.mean(small**2))) / _CLIPPED, steps, 1e-6)
-    # quantization noise is kept: an underestimated noise level is worse than an overestimated one
+    # quantisation noise is kept: an underestimated noise level is worse than an overestimated one
     rho = math.exp(-pole * float(np.median(np.diff(time)))) if pole else 0.0
     share = (20.0 - 30.0 * rho + 12.0 * rho**2 - 2.0 * rho**3) / 20.0
     return math.sqrt(max(level**2 - steps**2, 0.0) / share + steps**2)

@@ -102,14 +102,14 @@ class StreamingSpline:
             self._append(time[present], value[present], np.zeros(int(present.sum())))
         if self._held and self._newest - self._held[-1][0] > self._max_gap:
             self._release(len(self._held))
-        self._finalize(len(self._time) - (1 if self._lost else LOOKAHEAD))
+        self._finalise(len(self._time) - (1 if self._lost else LOOKAHEAD))
 
     def finish(self) -> None:
-        """Finalize all intervals: no sample will follow."""
+        """Finalise all intervals: no sample will follow."""
         if self._held:
             self._release(len(self._held))
         self._finished = True
-        self._finalize(len(self._time) - 1)
+        self._finalise(len(self._time) - 1)
 
     def covers(self, instants: Array) -> Flags:
         """Whether the acceleration is known at instants (E,), s, not beyond the horizon."""
@@ -217,7 +217,7 @@ class StreamingSpline:
             max(old - 1, 0), self._time, self._value, self._starts, self._superdiagonal, self._rhs
         )
 
-    def _finalize(self, end: int) -> None:
+    def _finalise(self, end: int) -> None:
         """Compute the spline of intervals up to ``end``, or up to the last gap if that is later."""
         starts = np.flatnonzero(self._starts)
         end = max(end, int(starts[-1]) if len(starts) else 0)

@@ -116,7 +116,7 @@ def max_gap(rate: float) -> float:
 class _Stillness:
     """Detects rows at which channels with coarse converters hardly move.
 
-    The quantization error of a channel at rest is not white noise: it is constant
+    The quantisation error of a channel at rest is not white noise: it is constant
     (:mod:`bayes_asv.preprocessing.quantization`).
 
     Parameters

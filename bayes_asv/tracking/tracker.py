@@ -84,7 +84,7 @@ class Tracker:
     timing : Timing, optional
         Delays and clocks of the recording.
     counts : sequence of bool, optional
-        Whether the readings of each channel were in counts, which defines their quantization step
+        Whether the readings of each channel were in counts, which defines their quantisation step
         and the standard deviation of their scale; none by default.
     metadata : tuple of (key, value)
         Metadata of the recording, for the input check.

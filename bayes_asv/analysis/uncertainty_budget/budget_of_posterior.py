@@ -55,7 +55,7 @@ class EstimandBudget:
     exact : dict of str to float
         Standard deviation if one given value were exact.
     better : dict of str to float
-        Standard deviation if one noise were smaller (half of a sensor's noise, no quantization, no
+        Standard deviation if one noise were smaller (half of a sensor's noise, no quantisation, no
         interpolation error), or if no chassis reading were clipped or missing (``lost readings``);
         the noises are left out with a residual autoregression.
     twice : float
