@@ -79,6 +79,10 @@ def update_white_share(
 
     Parameters
     ----------
+    at : Statistics
+        Indices of the statistics in the filter's state.
+    statistics : array
+        Statistics of the filter, updated in place.
     window : float
         Time constant, readings.
     before, nu : float

@@ -164,7 +164,7 @@ class Columns(NamedTuple):
     Parameters
     ----------
     mean, sd : int
-        First of the answers' coordinates, and of their standard deviations.
+        First of the coordinates of the parameters of interest, and of their standard deviations.
     deflection, deflection_sd : int
         First of the elements' deflections, m, and of their standard deviations.
     predicted, predicted_sd : int

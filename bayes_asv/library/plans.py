@@ -150,8 +150,9 @@ def plan(
     vehicle : Vehicle
         Its nominal values are taken as true, its sensors as declared.
     want : float or mapping
-        Wanted standard deviation in percent of the value, of all answers of the car alike or of
-        some of them: ``{"c_f": 2}``; 5 % of the others.  The half car answers c_f, c_r, i and k_g.
+        Wanted standard deviation in percent of the value, the same for all parameters of interest
+        or for some of them: ``{"c_f": 2}``; 5 % for the others.  Those of the half car are c_f,
+        c_r, i and k_g.
     car : {'half', 'quarter-front', 'quarter-rear', 'roll'}, optional
         Model of the car; by default that whose wheels are among the channels, or the half car.
     channels : sequence of str, optional
@@ -243,7 +244,7 @@ def _car_of(car: str | None, channels: Sequence[str] | None) -> str:
 def wanted_deviations(
     want: float | Mapping[str, float], answers: Sequence[str]
 ) -> dict[str, float]:
-    """Wanted standard deviations of answers as shares of the values, from percentages."""
+    """Wanted standard deviations of parameters as shares of the values, from percentages."""
     given = dict(want) if isinstance(want, Mapping) else dict.fromkeys(answers, want)
     for name, percent in given.items():
         if name not in answers:

@@ -82,7 +82,7 @@ class Track(Result):
         Returns
         -------
         pandas.DataFrame
-            Index ``time [s]``; the answers of the car, such as ``c_f``, ``c_r`` and ``i``
+            Index ``time [s]``; the parameters of interest, such as ``c_f``, ``c_r`` and ``i``
             (medians), with ``c_f_lb``, ``c_f_ub`` and so on (95 %), ``nis_mean`` and
             ``consistent``.
         """

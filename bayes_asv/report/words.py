@@ -97,6 +97,8 @@ def number(value: float | None, sd: float | None = None, digits: int = 2) -> str
     sd : float, optional
         Its standard deviation, of which `digits` significant digits are kept. Without one, or
         with 0, four significant digits of the number are written.
+    digits : int
+        Number of significant digits of the standard deviation.
 
     Returns
     -------

@@ -150,17 +150,17 @@ def _forces(result: EstimationResult) -> dict[str, schema.DamperForce]:
 
 
 def _sensitivity(result: EstimationResult) -> dict[str, schema.PriorSensitivity]:
-    """Sensitivity of the answers to each prior; empty where runs differ or nothing was drawn."""
+    """Sensitivity of the estimates to each prior; empty if runs differ or nothing was drawn."""
     if result.space is None or result.pooled_draws or not result.draws:
         return {}
-    answers = {name: result.draws[name] for name in result.estimands}
+    draws = {name: result.draws[name] for name in result.estimands}
     free_form = without_single_rate(result.dampers)
     return {
         name: schema.PriorSensitivity(
             label=QUANTITIES[name][1], pareto_k=one.pareto_k, sensitivity=one.sensitivity
         )
         for name, one in prior_sensitivity(
-            log_priors(result.space, result.draws, {}), answers
+            log_priors(result.space, result.draws, {}), draws
         ).items()
         if name in QUANTITIES and name not in free_form
     }
@@ -306,9 +306,9 @@ def vehicle_info(vehicle: Vehicle) -> VehicleInfo:
 def _uncertainty_budget(
     width: UncertaintyBudget, result: EstimationResult
 ) -> schema.UncertaintyBudget:
-    answers = {
-        name: _answer_budget(name, answer, width, result)
-        for name, answer in width.estimands.items()
+    budgets = {
+        name: _answer_budget(name, budget, width, result)
+        for name, budget in width.estimands.items()
     }
     faults = {}
     for shift in width.shifts:
@@ -323,15 +323,15 @@ def _uncertainty_budget(
             },
         )
     return schema.UncertaintyBudget(
-        **answers, faults=faults, white=bool(width.white), runs=width.runs
+        **budgets, faults=faults, white=bool(width.white), runs=width.runs
     )
 
 
 def _answer_budget(
-    name: str, answer: EstimandBudget, width: UncertaintyBudget, result: EstimationResult
+    name: str, budget: EstimandBudget, width: UncertaintyBudget, result: EstimationResult
 ) -> schema.AnswerBudget:
     halve = []
-    for remedy in answer.remedies:
+    for remedy in budget.remedies:
         measures = [_measure(source, remedy.times, width, result) for source in remedy.sources]
         halve.append(
             schema.Remedy(
@@ -341,15 +341,15 @@ def _answer_budget(
             )
         )
     return schema.AnswerBudget(
-        sd_percent=100.0 * answer.sd,
+        sd_percent=100.0 * budget.sd,
         posterior_sd_percent=100.0 * float(np.log(result.draws[name]).std(ddof=1)),
-        shares=answer.shares,
-        noises=answer.noises,
-        exact_sd_percent={source: 100.0 * sd for source, sd in answer.exact.items()},
-        better_sd_percent={source: 100.0 * sd for source, sd in answer.better.items()},
-        twice_the_runs_sd_percent=100.0 * answer.twice,
+        shares=budget.shares,
+        noises=budget.noises,
+        exact_sd_percent={source: 100.0 * sd for source, sd in budget.exact.items()},
+        better_sd_percent={source: 100.0 * sd for source, sd in budget.better.items()},
+        twice_the_runs_sd_percent=100.0 * budget.twice,
         halve=halve,
-        runs_to_halve=answer.runs_to_halve,
+        runs_to_halve=budget.runs_to_halve,
     )
 
 

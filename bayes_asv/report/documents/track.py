@@ -58,7 +58,7 @@ def track_document(result: TrackResult, trace: str | None = None, seed: int = 0)
     """
     vehicle, ok = result.vehicle, result.verdict == "ok"
     car = result.coordinates.car
-    answers = (*result.coordinates.estimands, *result.derived)
+    parameters = (*result.coordinates.estimands, *result.derived)
     given = [p for p in car.parameters if p.kind != "estimated" and p.terms]
     document = TrackDocument(
         schema="bayes_asv/track/1",
@@ -73,7 +73,7 @@ def track_document(result: TrackResult, trace: str | None = None, seed: int = 0)
         warnings=list(result.warnings),
         doubt="" if result.doubt is None else result.doubt.sentence,
         nominal_mistakes=possible_mistakes(result.nominal_damping),
-        parameters={n: _parameter(n, result) for n in answers} if ok else {},
+        parameters={n: _parameter(n, result) for n in parameters} if ok else {},
         effects=effects(result.effects, vehicle) if ok else [],
         consistency=_consistency(result),
         known={p.name: _known(p, result) for p in given},
@@ -114,7 +114,7 @@ def _log_normal(log_mean: float, log_sd: float, factor: float) -> SummaryFields:
 
 
 def _parameter(name: str, result: TrackResult) -> Parameter:
-    """One answer after the last row, log-normal."""
+    """One parameter of interest after the last row, log-normal."""
     log_mean, log_sd = result.log_moments(name)
     nominal = result.nominal[name]
     units, si = Units(result.vehicle.units), Units("SI")
@@ -298,10 +298,10 @@ def _effect_label(effect: EffectParameter) -> str:
 class Trace:
     """State of the filter after each row, as CSV in the vehicle's units.
 
-    Columns are ``time [s]``, ``c_f mean``, ``c_f sd``, … of all answers and of the parameters of
-    force laws (``bound_rebound@front ratio mean``), then ``nis mean`` (one before the first reading
-    that counts), ``inflation`` and ``consistent`` (1 or 0).  The rows are kept in an unnamed
-    temporary file and not in memory.
+    Columns are ``time [s]``, ``c_f mean``, ``c_f sd``, … of all parameters of interest and of the
+    parameters of force laws (``bound_rebound@front ratio mean``), then ``nis mean`` (one before the
+    first reading that counts), ``inflation`` and ``consistent`` (1 or 0).  The rows are kept in an
+    unnamed temporary file and not in memory.
 
     Parameters
     ----------

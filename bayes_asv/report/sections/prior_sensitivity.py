@@ -1,4 +1,4 @@
-"""Sensitivity of the answers to the priors and given values."""
+"""Sensitivity of the estimates to the priors and given values."""
 
 from __future__ import annotations
 
@@ -50,7 +50,7 @@ def _label(prior: str, one: PriorSensitivity) -> str:
 
 
 def _lines(document: EstimateDocument, names: list[str]) -> list[str]:
-    """Say which answers depend on which prior or given value, the strongest first."""
+    """Say which estimates depend on which prior or given value, the strongest first."""
     strongest = {
         prior: max(one.sensitivity.get(name, 0.0) for name in names)
         for prior, one in document.sensitivity.items()

@@ -1,4 +1,4 @@
-"""Uncertainty budget: what causes the variance of each answer, and what would halve it."""
+"""Uncertainty budget: sources of the variance of each estimate, and what would halve it."""
 
 from __future__ import annotations
 
@@ -89,7 +89,7 @@ def _content(document: EstimateDocument) -> Iterator[Block]:
 
 
 def _budget_limits(document: EstimateDocument) -> list[str]:
-    """State the main cause of each answer's uncertainty, answers with the same cause together."""
+    """State the main cause of uncertainty, once for parameters with the same cause."""
     if document.verdict != "ok" or document.width is None:
         return []
     budgets = usable_budgets(document.width)
@@ -113,7 +113,7 @@ SECTION: Final = Section(_content, _budget_limits, title="Uncertainty budget")
 
 
 def usable_budgets(width: UncertaintyBudget | None) -> dict[str, AnswerBudget]:
-    """Budgets by answer, of the answers whose posterior is nearly normal."""
+    """Budgets of the parameters whose posterior is nearly normal, by name."""
     return {
         name: budget
         for name, budget in _all_budgets(width).items()
@@ -133,7 +133,7 @@ def sd_text(value: float, sign: str = "±") -> str:
 
 
 def answers_text(names: Sequence[str]) -> str:
-    """Enumerate answers, ``the front damping rate and the pitch inertia``."""
+    """Enumerate parameters, ``the front damping rate and the pitch inertia``."""
     rates = [name for name in names if QUANTITIES[name][0] == "damping"]
     if len(rates) <= _MOST_LISTED:
         return enumerated([f"the {LABELS[name]}" for name in names])
@@ -159,14 +159,14 @@ def _source_name(source: str) -> str:
 
 
 def remedy_sentence(measures: Sequence[Measure], names: Sequence[str], runs: int) -> str:
-    """Say what halves the uncertainty of some answers.
+    """Say what halves the uncertainty of some parameters.
 
     Parameters
     ----------
     measures : sequence of Measure
-        Of one remedy.
+        Measures of one remedy.
     names : sequence of str
-        The answers.
+        Names of the parameters.
     runs : int
         Number of runs in the estimate.
     """
@@ -223,7 +223,7 @@ def _tighter(one: Measure, other: Measure) -> Measure:
 
 
 def _halving_lines(document: EstimateDocument) -> list[str]:
-    """Say for every answer what would halve its uncertainty, the least demanding first."""
+    """Say for every parameter what would halve its uncertainty, the least demanding first."""
     lines = []
     runs = document.width.runs if document.width is not None else 0
     for name, budget in usable_budgets(document.width).items():
@@ -250,7 +250,7 @@ def _cause_sentence(
     budgets: Mapping[str, AnswerBudget],
     document: EstimateDocument,
 ) -> str:
-    """One sentence about answers whose uncertainty has the same main cause."""
+    """One sentence about parameters whose uncertainty has the same main cause."""
     much = _range_text([budgets[name].shares[source] for name in names])
     variance = f"{much} of the variance of {answers_text(names)}"
     if source == "data":
@@ -309,7 +309,7 @@ def _budget_table(budgets: Mapping[str, AnswerBudget]) -> Table:
 
 
 def _sources(budgets: Mapping[str, AnswerBudget]) -> list[str]:
-    """List the sources that matter to any answer, in the order of the document."""
+    """List the sources that matter to any parameter, in the order of the document."""
     order: dict[str, None] = {}
     for budget in budgets.values():
         given = [s for s in budget.shares if s != "data"]
@@ -342,7 +342,7 @@ def _cell(source: str, budget: AnswerBudget) -> str:
 
 
 def _budget_bars(budgets: Mapping[str, AnswerBudget]) -> svg.Panel:
-    """Draw a bar an answer, divided into the shares of its variance."""
+    """Draw a bar for each parameter, divided into the shares of its variance."""
     names = list(budgets)
     parts = {name: _bar_parts(budget) for name, budget in budgets.items()}
     figure = svg.canvas(6.6, 0.55 * len(names) + 1.0)

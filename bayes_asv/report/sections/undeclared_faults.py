@@ -1,4 +1,4 @@
-"""How far faults that the vehicle file does not declare would move the answers."""
+"""Bias of the estimates by faults that the vehicle file does not declare."""
 
 from __future__ import annotations
 
@@ -14,7 +14,7 @@ from bayes_asv.report.words import LABELS, capitalized, number, two_digits
 
 __all__ = ["SECTION", "fault_text"]
 
-_MIN_SHIFT: Final = 0.1  # standard deviations that a fault must move an answer to be mentioned
+_MIN_SHIFT: Final = 0.1  # least bias by a fault that is mentioned, posterior standard deviations
 
 _NOTE: Final = (
     "How far the answer would be too high or too low, and in brackets the same in its standard "
@@ -99,7 +99,7 @@ def fault_text(fault: Fault, units: str, *, brief: bool = False) -> str:
 def _fault_table(
     faults: Mapping[str, Fault], budgets: Mapping[str, AnswerBudget], units: str
 ) -> Table:
-    """Shift of each answer by each fault."""
+    """Bias of each estimate by each fault."""
     rows = [
         [
             capitalized(fault_text(fault, units, brief=True)),
