@@ -71,7 +71,7 @@ _RARE = -3.0
 _FARTHEST_RATE, _SAME_RATE = 6.0, 1.05  # largest and smallest ratio of rates that is considered
 # Starting values of searches for a size.
 _GAINS = (1.0 / STANDARD_GRAVITY, 0.5, 0.85, 1.18, 2.0, STANDARD_GRAVITY)
-_LAGS = (0.005, 0.02)  # s
+_LAGS = (0.005, 0.02)  # sampling delays, s
 _SLOPES = (0.15, 0.8)  # drifts, m/s³
 _SHARES = (-0.15, 0.1, 0.3)  # offsets of a body sensor, shares of the wheelbase
 _TIME_CONSTANTS = (0.005, 0.02)  # time constants of filters, s: corners of 32 and 8 Hz

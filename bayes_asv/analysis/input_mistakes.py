@@ -323,7 +323,7 @@ def _most_active(
     Thus every hypothesis is fitted to the same rows.
     """
     rows = [most_active_rows(one, vehicle, _SECONDS) for one in given]
-    return [cut(one, own) for one, own in zip(recordings, rows, strict=True)]
+    return [cut(one, active_rows) for one, active_rows in zip(recordings, rows, strict=True)]
 
 
 def _fit_or_none(

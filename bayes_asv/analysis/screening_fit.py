@@ -183,8 +183,9 @@ def holds_throughout(
     powers = [float(np.mean(power[rows])) for rows in stretches]
     active_stretches = [
         rows
-        for rows, own in zip(stretches, powers, strict=True)
-        if own > _MIN_POWER * max(powers) and np.all(np.count_nonzero(use[rows], axis=0) > _FEWEST)
+        for rows, mean_power in zip(stretches, powers, strict=True)
+        if mean_power > _MIN_POWER * max(powers)
+        and np.all(np.count_nonzero(use[rows], axis=0) > _FEWEST)
     ]
     # one of many stretches exceeds the bound by chance, so it has to do so significantly
     level = _CHANCE / max(len(active_stretches) * use.shape[1], 1)

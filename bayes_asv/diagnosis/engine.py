@@ -60,7 +60,7 @@ _PRIOR_ODDS = (1.0 - PRIOR_NONE) / PRIOR_NONE / (_EFFECT_COUNT + 1)
 _FALSE_TONES = 0.05  # accepted number of false tones if the innovations are autocorrelated
 _FALSE_TONES_IF_WHITE = 5e-3  # accepted number of false tones if they are white
 _MAX_AUTOCORRELATION = 0.5  # share of the autocorrelation that may remain without the tones
-_ROUNDS = 2  # of removing the remainder of a tone beside its notch
+_ROUNDS = 2  # number of passes that remove the remainder of a tone beside its notch
 _BESIDE = 2.0  # distance up to which a tone counts as such a remainder, half-widths of the notch
 _SAME_RATE = 1e-3  # relative difference of the clocks of two recordings of one logger
 # Half-widths of its notch in which a tone is measured, and distances of the noise bands, of which

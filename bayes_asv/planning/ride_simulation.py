@@ -234,8 +234,8 @@ def _behind(car: CarModel, e: int, road: RoadProfile) -> float:
 
 def _seed(car: CarModel, e: int, one: Pass) -> int:
     """Seed of the road under an element."""
-    own = car.elements[e].side == "right" and one.road.kind == "rough"
-    return one.seed + (_RIGHT_SEED if own else 0)
+    has_separate_road = car.elements[e].side == "right" and one.road.kind == "rough"
+    return one.seed + (_RIGHT_SEED if has_separate_road else 0)
 
 
 def _simulate_group(

@@ -31,7 +31,8 @@ from bayes_asv.posterior.free_simulation import free_run
 
 __all__ = ["Candidate", "candidates", "fit_with_effect", "read_effect", "with_effects"]
 
-_STOP_GAPS = tuple(np.linspace(0.5, 0.95, 10).tolist())  # of candidate stops, shares of travel used
+# Gaps of candidate stops, shares of the travel used.
+_STOP_GAPS = tuple(np.linspace(0.5, 0.95, 10).tolist())
 _STOP_RATE = 1.0  # rate of a candidate stop, in mean spring rates of the car
 # Onset of a candidate stop: the smaller of a length (m) and a share of the travel used.
 _STOP_ONSET, _STOP_ONSET_SHARE = 0.003, 0.07
@@ -190,7 +191,7 @@ _MODE_MARGIN = 1.0  # nats by which another mode must exceed the current one
 _SHAPE_ENDS = (-2.0, 2.0)  # far ends of a shape coordinate from which to start again, prior sd
 _END_DISTANCE = 1.5  # least distance of a far end from the mode, prior sd
 _MAX_END_LOSS = 10.0  # nats; a far end that costs more is excluded by the data
-_PULSE_DURATIONS = (0.12, 0.35, 1.0)  # of a force pulse that a user asks for, s
+_PULSE_DURATIONS = (0.12, 0.35, 1.0)  # initial durations of a force pulse that a user names, s
 
 
 def read_effect(text: str) -> PlacedEffect:

@@ -149,8 +149,13 @@ def slopes(
     runs = range(len(space.recordings))
     last = len(z) if last is None else last
     coordinates_of_runs = [space.coordinates_of_run(run) for run in runs]
-    free_of_runs = [own[(own >= first) & (own < last)] for own in coordinates_of_runs]
-    points = [z + np.vstack([np.zeros(len(z)), STEP * np.eye(len(z))[own]]) for own in free_of_runs]
+    free_of_runs = [
+        columns[(columns >= first) & (columns < last)] for columns in coordinates_of_runs
+    ]
+    points = [
+        z + np.vstack([np.zeros(len(z)), STEP * np.eye(len(z))[columns]])
+        for columns in free_of_runs
+    ]
     pieces = [(run, k) for run in runs for k in range(0, len(points[run]), LANES)]
 
     def filter_piece(piece: tuple[int, int]) -> tuple[Array, Array, Array]:
@@ -168,14 +173,14 @@ def slopes(
         )
         has_reading = logs[0] != 0.0
         nu, logs = nu[:, has_reading], logs[:, has_reading]
-        own = free_of_runs[run]
+        columns = free_of_runs[run]
         means, scales = (np.zeros((len(z), nu.shape[1])) for _ in range(2))
-        scales[own] = (logs[1:] - logs[0]) / STEP
-        means[own] = -((nu[1:] - nu[0]) / STEP + 0.5 * nu[0] * scales[own])
+        scales[columns] = (logs[1:] - logs[0]) / STEP
+        means[columns] = -((nu[1:] - nu[0]) / STEP + 0.5 * nu[0] * scales[columns])
         parts.append((nu[0], logs[0], means, scales))
         if space.recordings[run].removed_band is not None:
             corrections = posterior.removed_band_correction(points[run], run)
-            band_correction[own] += (corrections[1:] - corrections[0]) / STEP
+            band_correction[columns] += (corrections[1:] - corrections[0]) / STEP
     nu, logs = np.concatenate([p[0] for p in parts]), np.concatenate([p[1] for p in parts])
     value = _log_posterior(posterior, z)
     means = np.concatenate([p[2] for p in parts], axis=1)

@@ -35,7 +35,7 @@ __all__ = [
 
 Array = NDArray[np.float64]
 
-_PROBABILITIES = (np.arange(1000) + 0.5) / 1000  # of the quantiles that represent draws
+_PROBABILITIES = (np.arange(1000) + 0.5) / 1000  # levels of the quantiles that represent draws
 _NODES = (-math.sqrt(3.0), 0.0, math.sqrt(3.0))  # Gauss–Hermite nodes
 _FIX = "estimate with it instead, or leave it out"
 

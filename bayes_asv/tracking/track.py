@@ -28,7 +28,8 @@ Array = NDArray[np.float64]
 
 _STEP = 1e-4  # step of finite differences of a coordinate
 _CHUNK = 16_384  # rows that are processed at a time
-_REFERENCE_CHUNK = 64  # the same for the slow engine, few enough to show its progress
+# Rows that the slow reference engine processes at a time, few enough to show its progress.
+_REFERENCE_CHUNK = 64
 
 
 @dataclass(frozen=True)
