@@ -263,7 +263,7 @@ def plan_lines(plan: PlanResult) -> list[str]:
         Lines.
     """
     units = plan.vehicle.units
-    lines = [f"PlanResult for {plain(plan.vehicle.name)}", ""]
+    lines = [f"Plan for {plain(plan.vehicle.name)}", ""]
     best = plan.best
     if best is None:
         lines += ["No drive can be used.", *(f"- {why}" for why in common_reasons(plan.rated))]

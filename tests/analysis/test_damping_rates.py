@@ -43,8 +43,9 @@ def test_friction_takes_power_beside_the_damper() -> None:
         (placed_effect("bound_rebound@front"), friction)
     )
     mode = np.zeros(posterior.space.dimension)
-    draws = posterior.space.quantities(mode[None], 0)
-    (front,) = damping_rates(posterior, mode, mode[None], draws)
+    z = np.tile(mode, (3, 1))
+    draws = posterior.space.quantities(z, 0)
+    (front,) = damping_rates(posterior, mode, z, draws)
     values = posterior.space.effects(mode)[friction]
     driven = posterior.innovations_and_variances(mode, 0)[2][:, 1]
     power = values["force"] * np.sum(driven**2 / np.hypot(driven, values["slip"]))

@@ -54,7 +54,7 @@ import numpy as np
 import bayes_asv as asv
 from bayes_asv.posterior.likelihood import Posterior
 from bayes_asv.preprocessing.run_preparation import prepare_runs
-from bayes_asv.posterior.parameters import space
+from bayes_asv.posterior.parameters import make_parameter_space
 from bayes_asv.posterior.residual_ar import WHITE
 
 car = asv.read_vehicle("car.toml")
@@ -63,7 +63,7 @@ run = asv.simulate(car, "stops", car="trailer", change=worn, seconds=1.5, seed=3
 assert run.channels == ("rear_wheel", "rear_chassis")
 lines, reasons, _ = prepare_runs([run], car, car="trailer")
 assert not reasons, reasons
-where = space(car, lines)
+where = make_parameter_space(car, lines)
 factors = np.array([0.5, 0.6, 0.7, 0.8, 1.0])
 points = np.stack([where.from_logs(dict(c_r=x)) for x in np.log(factors)])
 values = Posterior(where, (WHITE,)).log_posterior(points)
