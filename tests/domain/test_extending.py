@@ -51,7 +51,7 @@ assert np.abs(rate[1:] - rate[0] - expected).max() < 0.005 * np.ptp(rate)
 FIT = """
 from bayes_asv.posterior.likelihood import Posterior
 from bayes_asv.preprocessing.run_preparation import prepare_runs
-from bayes_asv.posterior.parameters import space
+from bayes_asv.posterior.parameters import make_parameter_space
 from bayes_asv.posterior.residual_ar import WHITE
 
 names = [f"{axle}_{side}_wheel" for axle in ("front", "rear") for side in ("left", "right")]
@@ -60,7 +60,7 @@ run = asv.simulate(
     change={"i_roll": 1.2}, rate=200.0, seconds=1.0, seed=3,
 )
 lines, _, _ = prepare_runs([run], car, car="roll")
-where = space(car, lines)
+where = make_parameter_space(car, lines)
 factors = np.array([1.0, 1.1, 1.2, 1.3, 1.44])
 points = np.stack([where.from_logs({"i_roll": x}) for x in np.log(factors)])
 values = Posterior(where, (WHITE,)).log_posterior(points)
