@@ -114,9 +114,7 @@ def damping_rates(
     runs = range(len(space.recordings))
     states = [posterior.innovations_and_variances(mode, run)[2] for run in runs]
     picked = np.linspace(0, len(z) - 1, min(len(z), MAX_DRAWS)).astype(int)
-    rubbing = [s for s in space.placed_effects if s.effect.dissipative]
     tables = np.stack([_table(posterior, laws, one) for one in z[picked]])
-    friction = np.stack([_table(posterior, rubbing, one) for one in z[picked]])
     out = []
     for e, element in enumerate(space.car.elements):
         laws_of_element = [placed for placed in laws if e in placed.elements(space.car)]
@@ -135,10 +133,9 @@ def damping_rates(
         for n, (one, table) in enumerate(zip(c, tables, strict=True)):
             zero = np.zeros_like(grid)
             curve[n] = one * grid - excess_many(table, e, one, 0.0, zero, grid, zero, 1.0)[:, 0]
-        power = np.zeros(len(picked))
+        power = _friction_power(posterior, z[picked], e, np.concatenate(rates))
         for rate, recording in zip(rates, space.recordings, strict=True):
             power += damper_force_history(tables, e, c, rate, recording.measurements.step) @ rate
-            power -= _added_forces(friction, e, rate) @ rate
         compression, extension = -curve[:, : len(side)], curve[:, len(side) : 2 * len(side)]
         out.append(
             DampingRates(
@@ -199,13 +196,19 @@ def _shapes(compression: Array, extension: Array) -> tuple[CurveShape, ...]:
     return curve_shapes(bends, sides, ("digressive", "progressive"), _BENT)
 
 
-def _added_forces(tables: Array, element: int, rate: Array) -> Array:
-    """Return the forces (N, T) that laws add to those of springs and dampers, N."""
-    zero = np.zeros_like(rate)
-    if not np.any(tables[:, :, 0] == element):
-        return np.zeros((len(tables), len(rate)))
-    forces = (excess_many(t, element, 0.0, 0.0, zero, rate, zero, 1.0)[:, 0] for t in tables)
-    return np.stack(list(forces))
+def _friction_power(posterior: Posterior, z: Array, element: int, rate: Array) -> Array:
+    """Return the sum (N,) of friction force times rate of deflection over all instants, N·m/s."""
+    space = posterior.space
+    friction = [
+        placed
+        for placed in space.placed_effects
+        if placed.effect.dissipative and element in placed.elements(space.car)
+    ]
+    zero, out = np.zeros_like(rate), np.zeros(len(z))
+    for n, one in enumerate(z) if friction else ():
+        table = _table(posterior, friction, one)
+        out[n] = -excess_many(table, element, 0.0, 0.0, zero, rate, zero, 1.0)[:, 0] @ rate
+    return out
 
 
 def _table(posterior: Posterior, laws: list[PlacedEffect], z: Array) -> Array:
