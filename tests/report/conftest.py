@@ -5,11 +5,14 @@ from __future__ import annotations
 import copy
 import json
 from collections.abc import Callable, Iterator
+from contextlib import contextmanager
 from pathlib import Path
 from typing import Any, TypeVar
+from unittest.mock import patch
 
 import pytest
 
+from bayes_asv.report.page import Page, report_page
 from bayes_asv.report.render import html_report, pdf_report
 from bayes_asv.report.schema import (
     DiagnoseDocument,
@@ -19,7 +22,7 @@ from bayes_asv.report.schema import (
 )
 from bayes_asv.report.sections import DIAGNOSIS, ESTIMATE, TRACK
 from bayes_asv.report.sections.blocks import Block, Figure, Section, Table
-from bayes_asv.report.svg import style
+from bayes_asv.report.svg import Panel, style
 from tests.browser import browsing
 
 Data = dict[str, Any]
@@ -70,6 +73,18 @@ def load(kind: str) -> EstimateDocument:
     return EstimateDocument.model_validate(data(kind))
 
 
+@contextmanager
+def without_pictures() -> Iterator[None]:
+    """Plot every figure and render none, which takes most of the time of a report."""
+    from matplotlib.figure import Figure as Canvas
+
+    def empty(_: Canvas, file: Any, **__: Any) -> None:
+        file.write("<svg ></svg>")
+
+    with patch.object(Canvas, "savefig", empty):
+        yield
+
+
 def blocks(document: ReportDocument) -> list[Block]:
     """Return texts, tables and figures of all sections."""
     with style():
@@ -86,9 +101,16 @@ def _content(sections: tuple[Section[D], ...], document: D) -> list[Block]:
 
 
 def figures(document: ReportDocument) -> dict[str, Figure]:
-    """Return the figures that have panels, by key."""
+    """Return the figures that have panels, by key; see :func:`without_pictures`."""
     found = [block for block in blocks(document) if isinstance(block, Figure) and block.panels]
     return {figure.key: figure for figure in found}
+
+
+def figures_of(section: Section[D], document: D) -> dict[str, Figure]:
+    """Return the figures of one section that have panels, by key."""
+    with style():
+        found = [block for block in section.content(document) if isinstance(block, Figure)]
+    return {figure.key: figure for figure in found if figure.panels}
 
 
 def sections_of(page: Data) -> list[Data]:
@@ -109,7 +131,8 @@ def panel_keys(page: Data) -> set[str]:
 
 def table(document: ReportDocument, title: str) -> Table | None:
     """Return the table of that title."""
-    found = [b for b in blocks(document) if isinstance(b, Table) and b.title == title]
+    with without_pictures():
+        found = [b for b in blocks(document) if isinstance(b, Table) and b.title == title]
     return found[0] if found else None
 
 
@@ -123,16 +146,37 @@ class _Once(dict[str, Made]):
         return self[kind]
 
 
+class _Rendered(dict[str, Made]):
+    def __init__(
+        self,
+        render: Callable[[EstimateDocument], Made],
+        composed: dict[str, tuple[Page, dict[str, Panel]]],
+    ) -> None:
+        super().__init__()
+        self.render, self.composed = render, composed
+
+    def __missing__(self, kind: str) -> Made:
+        with patch("bayes_asv.report.render.report_page", lambda _: self.composed[kind]):
+            self[kind] = self.render(load(kind))
+        return self[kind]
+
+
 @pytest.fixture(scope="session")
-def pages() -> dict[str, str]:
+def composed() -> dict[str, tuple[Page, dict[str, Panel]]]:
+    """Page and pictures by kind of document; HTML and PDF are made of the same."""
+    return _Once(report_page)
+
+
+@pytest.fixture(scope="session")
+def pages(composed: dict[str, tuple[Page, dict[str, Panel]]]) -> dict[str, str]:
     """HTML by kind of document."""
-    return _Once(html_report)
+    return _Rendered(html_report, composed)
 
 
 @pytest.fixture(scope="session")
-def papers() -> dict[str, bytes]:
+def papers(composed: dict[str, tuple[Page, dict[str, Panel]]]) -> dict[str, bytes]:
     """PDF by kind of document."""
-    return _Once(pdf_report)
+    return _Rendered(pdf_report, composed)
 
 
 @pytest.fixture(scope="session")

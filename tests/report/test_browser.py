@@ -31,7 +31,7 @@ def axe() -> str:
 def written(pages: dict[str, str], tmp_path_factory: pytest.TempPathFactory) -> dict[str, Path]:
     """Files of all kinds of pages."""
     folder = tmp_path_factory.mktemp("pages")
-    made = {kind: pages[kind] for kind in ("us", "two_runs", "refused", "budget")}
+    made = {kind: pages[kind] for kind in ("us", "refused", "budget")}
     made["diagnosis"] = html_report(DiagnoseDocument.model_validate_json(DIAGNOSIS.read_bytes()))
     made["track"] = html_report(TrackDocument.model_validate_json(TRACK.read_bytes()))
     made["interactive"] = interactive_report(load("two_runs"))

@@ -15,6 +15,7 @@ from bayes_asv.report.page import report_page
 from bayes_asv.report.schema import EstimateDocument
 from bayes_asv.report.sections.effects import spring_lines
 from tests.posterior.cases import DECLARED, case, vehicle
+from tests.report.conftest import without_pictures
 
 
 @pytest.fixture(scope="module")
@@ -51,7 +52,8 @@ def test_its_shape_and_stiffness_are_stated(document: EstimateDocument) -> None:
 
 
 def test_it_is_drawn(document: EstimateDocument) -> None:
-    page = str(report_page(document)[0])
+    with without_pictures():
+        page = str(report_page(document)[0])
     assert "Force of the spring" in page
     assert "Stiffness" in page
     spring = document.springs[0]

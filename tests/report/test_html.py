@@ -7,10 +7,11 @@ from typing import Any
 import pytest
 
 from bayes_asv.domain.errors import InputError
-from bayes_asv.report.page import limits, report_page
+from bayes_asv.report.page import Page, limits
 from bayes_asv.report.render import html_report, write_report
 from bayes_asv.report.schema import EstimateDocument
 from bayes_asv.report.sections.verdict import headline, next_steps
+from bayes_asv.report.svg import Panel
 from bayes_asv.report.words import number
 from tests.report.conftest import KINDS, data, load, panel_keys
 
@@ -171,10 +172,12 @@ def test_limits_name_a_stop_that_was_reached_and_residuals_with_a_pattern() -> N
     assert "The front residuals of stops.csv are not white (p < 0.001)" in found
 
 
-def test_a_page_is_plain_data_and_names_its_pictures() -> None:
+def test_a_page_is_plain_data_and_names_its_pictures(
+    composed: dict[str, tuple[Page, dict[str, Panel]]],
+) -> None:
     import json
 
-    page, pictures = report_page(load("two_runs"))
+    page, pictures = composed["two_runs"]
     assert json.loads(json.dumps(page)) == page
     assert panel_keys(page) == set(pictures)
 

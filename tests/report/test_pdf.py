@@ -4,8 +4,10 @@ from typing import Any
 
 import pytest
 
+from bayes_asv.report.page import Page
 from bayes_asv.report.render import pdf_report, write_report
 from bayes_asv.report.sections.verdict import headline, next_steps
+from bayes_asv.report.svg import Panel
 from bayes_asv.report.words import number
 from tests.report.conftest import KINDS, load
 
@@ -106,7 +108,13 @@ def test_figures_are_drawn_and_fonts_embedded(papers: dict[str, bytes]) -> None:
     assert all("DejaVuSans" in font for font in fonts)
 
 
-def test_same_document_same_bytes(papers: dict[str, bytes]) -> None:
+def test_same_page_and_pictures_same_bytes(
+    composed: dict[str, tuple[Page, dict[str, Panel]]],
+    papers: dict[str, bytes],
+    monkeypatch: pytest.MonkeyPatch,
+) -> None:
+    """That the same document has the same page and pictures is asked of its HTML."""
+    monkeypatch.setattr("bayes_asv.report.render.report_page", lambda _: composed["us"])
     assert pdf_report(load("us")) == papers["us"]
 
 
