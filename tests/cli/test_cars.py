@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import json
+from contextlib import nullcontext
 from pathlib import Path
 from typing import NamedTuple
 
@@ -14,6 +15,7 @@ from bayes_asv.domain.vehicle import read_vehicle
 from bayes_asv.models.cars import CARS, WHEELS, car_model
 from bayes_asv.report.schema import EstimateDocument, read_saved
 from tests.cli.conftest import ROOT, Check, Command
+from tests.report.conftest import without_pictures
 
 BAJA = ROOT / "data" / "vehicles" / "baja2008.toml"
 ROLL = ROOT / "data" / "vehicles" / "baja2008_roll.toml"
@@ -195,7 +197,9 @@ def test_each_car_has_a_report(
     answer, document = answers[car], answers[car].document
     html, pdf = tmp_path / "report.html", tmp_path / "report.pdf"
     for output in (html, pdf):
-        said = invoke("report", "--from", answer.json_file, "-o", output)
+        drawn = (car, output) == ("roll", pdf)  # all the rest is asked of words
+        with nullcontext() if drawn else without_pictures():
+            said = invoke("report", "--from", answer.json_file, "-o", output)
         assert (said.status, said.err) == (0, "")
         assert said.out.splitlines() == [CASES[car].headline, str(output)]
     with pymupdf.open(pdf) as pages:

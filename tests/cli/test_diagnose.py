@@ -50,6 +50,22 @@ def test_it_names_the_hidden_effect_and_nothing_on_standard_error(diagnosed: Dia
     assert "\x1b" not in diagnosed.said.out
 
 
+def test_same_seed_same_answer_whatever_the_threads(
+    diagnosed: Diagnosed,
+    run: Command,
+    valved: tuple[Path, Path],
+    baja: Path,
+    monkeypatch: pytest.MonkeyPatch,
+) -> None:
+    monkeypatch.setenv("OMP_NUM_THREADS", "2")
+    monkeypatch.setenv("OPENBLAS_NUM_THREADS", "2")
+    fit, held = valved
+    said = run("diagnose", fit, "--holdout", held, "-v", baja, "--json", "-")
+    again = json.loads(said.out)
+    assert again.pop("seconds") > 0.0
+    assert again == {k: v for k, v in diagnosed.document.items() if k != "seconds"}
+
+
 def test_the_readme_shows_what_it_says(diagnosed: Diagnosed) -> None:
     """Word for word; digits may differ in the last place from machine to machine."""
     readme = (ROOT / "README.md").read_text(encoding="utf-8").split("## Finding what is missing")[1]

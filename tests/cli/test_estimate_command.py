@@ -93,9 +93,19 @@ def test_the_truth_of_the_shipped_drive_is_found(saved: Saved, stops: Path) -> N
 
 
 def test_same_seed_same_answer_and_json_on_standard_output(
-    run: Command, saved: Saved, stops: Path, baja: Path
+    run: Command,
+    saved: Saved,
+    stops: Path,
+    baja: Path,
+    tmp_path: Path,
+    monkeypatch: pytest.MonkeyPatch,
 ) -> None:
+    """With more threads and everything compiled anew, too."""
+    monkeypatch.setenv("OMP_NUM_THREADS", "2")
+    monkeypatch.setenv("OPENBLAS_NUM_THREADS", "2")
+    monkeypatch.setenv("NUMBA_CACHE_DIR", str(tmp_path))
     said = run("estimate", stops, "--vehicle", baja, "--json", "-", "--seed", 7)
+    assert list(tmp_path.rglob("*.nbi"))
     assert said.status == 0
     document = json.loads(said.out)  # pure JSON: nothing before, nothing after
     assert said.out.endswith("}\n")

@@ -7,6 +7,7 @@ from dataclasses import replace
 from functools import cache
 
 from bayes_asv.diagnosis.model_assessment import AssessedModel, assess
+from bayes_asv.diagnosis.workflow import DiagnosisResult, diagnose
 from bayes_asv.domain.recording import Recording
 from bayes_asv.domain.vehicle import Vehicle
 from bayes_asv.posterior.fitted_model import (
@@ -20,7 +21,14 @@ from bayes_asv.preprocessing.run_preparation import prepare_runs
 from tests.battery.cases import Case, case
 from tests.battery.vehicles import Fleet
 
-__all__ = ["assess_case", "assess_linear", "fit_linear", "ignore_progress", "prepared"]
+__all__ = [
+    "assess_case",
+    "assess_linear",
+    "diagnose_case",
+    "fit_linear",
+    "ignore_progress",
+    "prepared",
+]
 
 
 def prepared(recordings: Sequence[Recording], vehicle: Vehicle) -> Dataset:
@@ -49,6 +57,13 @@ def assess_linear(one: Case, seed: int = 1) -> AssessedModel:
 def assess_case(name: str, seed: int, number: int, fleet: Fleet) -> AssessedModel:
     """Assess a case of the battery, given by its name, as :func:`assess_linear` does."""
     return assess_linear(case(name, seed, number, fleet))
+
+
+@cache
+def diagnose_case(name: str, seed: int, number: int, fleet: Fleet) -> tuple[Case, DiagnosisResult]:
+    """Diagnose a case of the battery, given by its name, with seed 0."""
+    one = case(name, seed, number, fleet)
+    return one, diagnose(one.recordings, one.holdout, one.vehicle, 0)
 
 
 def ignore_progress(share: float, text: str) -> None:

@@ -36,6 +36,10 @@ def _with_pulse() -> tuple[AssessedModel, NamedEffect]:
     return assess(dataset, model, 1), NamedEffect(placed, 1.0, (), {})
 
 
+def _shortened(one: Recording, rows: int) -> Recording:
+    return replace(one, time=one.time[:rows], values=one.values[:, :rows])
+
+
 def _with_rest(one: Recording, rows: int, *, first: bool) -> Recording:
     """A recording with a number of rows at rest before or after it."""
     rng = np.random.default_rng(1)
@@ -52,10 +56,21 @@ def test_a_recording_with_one_half_at_rest_is_not_split(rest_first: bool) -> Non
     alone = _with_rest(one.recordings[0], 1600, first=rest_first)
     values = alone.values.copy()
     values[0] += 4.0 * float(np.std(one.recordings[0].values[0]))
-    diagnosis = diagnose([replace(alone, values=values)], (), one.vehicle, 1)
-    assert diagnosis.verdict != "refused"
+    whole = replace(alone, values=values)
+    fitted, held_out, notes = workflow._split([whole], (), one.vehicle, "half")
+    assert (fitted, held_out) == ([whole], [])
+    assert len(notes) == 1
+    assert notes[0].startswith("no part of")
+
+
+def test_a_recording_that_is_not_split_is_diagnosed_as_a_whole() -> None:
+    one = case("null/bump~baja", 5, 0)
+    alone = _with_rest(_shortened(one.recordings[0], 600), 700, first=True)
+    diagnosis = diagnose([alone], (), one.vehicle, 1)
+    assert diagnosis.verdict == "agreement"
     assert any(w.startswith("no part of") for w in diagnosis.warnings)
     assert diagnosis.holdout == ()
+    assert set(diagnosis.errors or {}) == {"fit"}
 
 
 def test_a_recording_that_moves_throughout_is_split_in_halves() -> None:

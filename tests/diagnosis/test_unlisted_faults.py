@@ -2,26 +2,14 @@
 
 from __future__ import annotations
 
-import pytest
-
-from bayes_asv.diagnosis.workflow import diagnose
-from tests.battery.cases import case
+from bayes_asv.diagnosis.forward_selection import select_effects, start_selection
+from tests.diagnosis.models import assess_case, diagnose_case, ignore_progress
 
 
-@pytest.mark.parametrize(
-    ("name", "seed", "number", "description"),
-    [
-        # between the axles
-        ("compliant_seat-4000", 58, 0, "a mass on a spring near the middle"),
-        # at 187 Hz, above what the car excites, where its frequency does not show
-        ("bracket_resonance-400", 66, 1, "a sensor mount that resonates (rear chassis)"),
-    ],
-)
-def test_no_effect_is_named_where_an_unlisted_fault_explains_more(
-    name: str, seed: int, number: int, description: str
-) -> None:
-    one = case(name, seed, number, "test")
-    diagnosis = diagnose(one.recordings, one.holdout, one.vehicle, 0)
+def test_no_effect_is_named_where_an_unlisted_fault_explains_more() -> None:
+    """A mass on a spring between the axles."""
+    description = "a mass on a spring near the middle"
+    _, diagnosis = diagnose_case("compliant_seat-4000", 58, 0, "test")
     assert diagnosis.verdict == "unexplained"
     assert diagnosis.named == ()
     unexplained = diagnosis.unexplained
@@ -30,6 +18,14 @@ def test_no_effect_is_named_where_an_unlisted_fault_explains_more(
     assert unexplained.failed == ()
     assert diagnosis.unnamed
     cause = diagnosis.unnamed[0]
-    assert description.startswith(cause.kind)  # a resonance at the wheel reads nearly the same
+    assert description.startswith(cause.kind)
     assert diagnosis.errors is not None
     assert (diagnosis.errors["holdout"].closed or 0.0) > 0.8
+
+
+def test_no_effect_is_named_beside_a_resonance_above_what_the_car_excites() -> None:
+    """At 187 Hz, where its frequency does not show."""
+    assessed = assess_case("bracket_resonance-400", 66, 1, "test")
+    selection = select_effects(start_selection(assessed), 0, ignore_progress)
+    assert selection.effects == ()
+    assert selection.stopped_by == "a sensor mount that resonates (rear chassis)"

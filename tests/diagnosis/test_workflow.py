@@ -1,4 +1,7 @@
-"""From recordings to named effects: drives of the rig, each with one fault or two."""
+"""From recordings to named effects: drives of the rig, each with one fault or two.
+
+The diagnoses are judged as those of the battery are, whose long form is in `benchmarks.battery`.
+"""
 
 from __future__ import annotations
 
@@ -10,6 +13,9 @@ import pytest
 from bayes_asv.diagnosis.workflow import DiagnosisResult, diagnose
 from bayes_asv.report.documents.diagnose import diagnose_document
 from bayes_asv.report.sections.diagnosis import diagnosis_lines
+from benchmarks.battery.judge import Judged, judge
+from benchmarks.battery.run import Result
+from benchmarks.calibration.store import About
 from tests.battery.cases import Case, case
 
 
@@ -19,11 +25,18 @@ def diagnosed(name: str) -> tuple[Case, DiagnosisResult]:
     return one, diagnose(one.recordings, one.holdout, one.vehicle, 1)
 
 
+def judged(one: Case, diagnosis: DiagnosisResult) -> Judged:
+    document = diagnose_document(diagnosis).to_dict()
+    assert document["schema"] == "bayes_asv/diagnose/1"
+    return judge(Result("", 0, "", "", 0.0, document, About(1, "", "")), one.truth)
+
+
 def test_a_car_without_a_fault_agrees() -> None:
-    _, diagnosis = diagnosed("null/bump~baja")
+    one, diagnosis = diagnosed("null/bump~baja")
     assert diagnosis.verdict == "agreement"
     assert diagnosis.named == ()
     assert diagnosis.p_value > 0.05
+    assert judged(one, diagnosis).covered_after
     assert diagnosis.errors is not None
     for error in diagnosis.errors.values():
         assert error.before == pytest.approx(error.floor, rel=0.15)
@@ -46,6 +59,14 @@ def test_a_hidden_effect_is_named_and_the_simulation_error_falls() -> None:
     interval = np.quantile(diagnosis.quantities_after["c_r"], [0.025, 0.975])
     assert interval[0] < high
     assert interval[1] > low
+    judgement = judged(one, diagnosis)
+    assert judgement.class_right
+    assert judgement.probabilities[0][0] > 0.9
+    assert judgement.gap is not None
+    assert (judgement.gap.closed, judgement.gap.worse) == (
+        diagnosis.errors["holdout"].closed,
+        False,
+    )
 
 
 def test_the_document_and_its_text_agree() -> None:
@@ -81,6 +102,9 @@ def test_a_damper_in_a_soft_mount_is_not_taken_for_a_sensor_lag_alone() -> None:
     assert diagnosis.unexplained is not None
     assert diagnosis.unexplained.present
     assert "soft mount" in diagnosis.unexplained.closest_fault
+    judgement = judged(one, diagnosis)
+    assert judgement.verdict in ("named", "unexplained")
+    assert not judgement.confidently_wrong
 
 
 def test_a_force_pulse_keeps_its_time_when_engine_tones_are_removed() -> None:

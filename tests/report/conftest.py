@@ -79,7 +79,7 @@ def without_pictures() -> Iterator[None]:
     from matplotlib.figure import Figure as Canvas
 
     def empty(_: Canvas, file: Any, **__: Any) -> None:
-        file.write("<svg ></svg>")
+        file.write('<svg xmlns="http://www.w3.org/2000/svg" viewBox="0 0 1 1"></svg>')
 
     with patch.object(Canvas, "savefig", empty):
         yield

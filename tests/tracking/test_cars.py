@@ -31,9 +31,9 @@ def _faults(found: TrackResult, truth: dict[str, float]) -> list[str]:
     return faults
 
 
-@pytest.mark.parametrize("seed", [1, 2])
-def test_a_quarter_car(seed: int) -> None:
+def test_a_quarter_car() -> None:
     """The front axle of a car whose other axle does not move the body above it: i = m l_f l_r."""
+    seed = 1
     rng = np.random.default_rng([seed, 61])
     nominal = baja()
     l_f, l_r = nominal.l * (1.0 - nominal.wdf), nominal.l * nominal.wdf

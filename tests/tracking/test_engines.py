@@ -155,7 +155,7 @@ WHEELS = ("front_wheel", "rear_wheel")
 CORNERS = tuple(f"{axle}_{side}" for axle in ("front", "rear") for side in ("left", "right"))
 SENSORS = {
     "quarter-front": ("front_wheel", "front_chassis"),
-    "quarter-rear": ("rear_wheel", "rear_travel", "rear_chassis"),
+    "quarter-rear": ("rear_wheel", "rear_chassis"),
     "half": (*WHEELS, "front_travel", "body_pitch_rate", "rear_chassis"),
     "roll": (
         *(f"{corner}_wheel" for corner in CORNERS), "front_left_chassis", "front_right_chassis",
