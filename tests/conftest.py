@@ -12,6 +12,15 @@ settings.register_profile(
 settings.load_profile("bayes_asv")
 
 
+@pytest.fixture
+def without_input_search(monkeypatch: pytest.MonkeyPatch) -> None:
+    """Leave out the search for a mistake in the input, where it is not what a test asks about.
+
+    It fits the car once for each mistake as soon as a fit is doubtful or refused.
+    """
+    monkeypatch.setattr("bayes_asv.analysis.input_mistakes.likely_mistakes", lambda *_, **__: [])
+
+
 def pytest_configure(config: pytest.Config) -> None:
     """Give each of several workers a processor of its own: threads of one would slow the other."""
     worker = os.environ.get("PYTEST_XDIST_WORKER", "")

@@ -28,7 +28,7 @@ Input = tuple[Recording, Vehicle]
 
 def worn(seed: int, terrain: str = "stops") -> Input:
     """A right input: the drive of a car within what is declared."""
-    return case(terrain, seed, DECLARED, rate=200.0, seconds=1.5)[2], vehicle(DECLARED)
+    return case(terrain, seed, DECLARED, seconds=1.5)[2], vehicle(DECLARED)
 
 
 def columns(*order: int) -> Callable[[Recording, Vehicle], Input]:

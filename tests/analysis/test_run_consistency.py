@@ -190,7 +190,7 @@ def test_white_residuals_are_not_asked(monkeypatch: pytest.MonkeyPatch) -> None:
 
 def test_a_run_that_is_not_of_this_car_is_refused_by_name() -> None:
     """The other run is in order, and nothing is said against it."""
-    (_, _, plain), (_, _, other) = case("bump", 1, EXACT), case("stops", 1, EXACT)
+    (_, _, plain), (_, _, other) = (case(road, 1, EXACT, seconds=1.2) for road in ("bump", "stops"))
     swapped = replace(other, values=other.values[[1, 0, 3, 2]])
     result = estimate([plain, swapped], vehicle(EXACT))
     assert result.verdict == "refused"

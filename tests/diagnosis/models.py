@@ -60,10 +60,12 @@ def assess_case(name: str, seed: int, number: int, fleet: Fleet) -> AssessedMode
 
 
 @cache
-def diagnose_case(name: str, seed: int, number: int, fleet: Fleet) -> tuple[Case, DiagnosisResult]:
-    """Diagnose a case of the battery, given by its name, with seed 0."""
+def diagnose_case(
+    name: str, seed: int, number: int, fleet: Fleet, fitted: int = 2
+) -> tuple[Case, DiagnosisResult]:
+    """Diagnose the first recordings of a case of the battery, given by its name, with seed 0."""
     one = case(name, seed, number, fleet)
-    return one, diagnose(one.recordings, one.holdout, one.vehicle, 0)
+    return one, diagnose(one.recordings[:fitted], one.holdout, one.vehicle, 0)
 
 
 def ignore_progress(share: float, text: str) -> None:

@@ -2,7 +2,9 @@
 
 from __future__ import annotations
 
-from dataclasses import replace
+from dataclasses import dataclass, replace
+from functools import cache
+from typing import Any
 
 import numpy as np
 import pytest
@@ -16,17 +18,66 @@ from bayes_asv.diagnosis.forward_selection import (
     select_effects,
     start_selection,
 )
-from bayes_asv.diagnosis.model_comparison import leading_candidates
+from bayes_asv.diagnosis.model_assessment import AssessedModel, assess
+from bayes_asv.diagnosis.model_comparison import (
+    ExtendedModel,
+    fit_candidates,
+    leading_candidates,
+)
 from bayes_asv.diagnosis.results import NamedEffect
 from bayes_asv.diagnosis.tolerance_prior import ModelEvidence
 from bayes_asv.diagnosis.unlisted_faults import UnlistedExplanation
-from bayes_asv.diagnosis.workflow import diagnose
 from bayes_asv.models.effects import PlacedEffect
 from bayes_asv.posterior.effect_fit import read_effect
 from bayes_asv.posterior.fitted_model import Dataset
 from tests.battery.cases import case
 from tests.battery.vehicles import Fleet
-from tests.diagnosis.models import assess_case, ignore_progress
+from tests.diagnosis.models import assess_case, diagnose_case, ignore_progress
+
+
+@cache
+def _assess(dataset: _Same, model: _Same, seed: int) -> AssessedModel:
+    return assess(dataset.value, model.value, seed)
+
+
+@cache
+def _fit_candidates(
+    dataset: _Same, model: _Same, test: _Same, excluded: tuple[str, ...], further: bool
+) -> tuple[ExtendedModel, ...]:
+    found = fit_candidates(
+        dataset.value, model.value, test.value, excluded=excluded, further=further
+    )
+    return tuple(found)
+
+
+@dataclass(frozen=True)
+class _Same:
+    """A value that equals itself only."""
+
+    value: Any
+
+    def __eq__(self, other: object) -> bool:
+        return isinstance(other, _Same) and self.value is other.value
+
+    def __hash__(self) -> int:
+        return id(self.value)
+
+
+@pytest.fixture(autouse=True)
+def _fitted_once(monkeypatch: pytest.MonkeyPatch) -> None:
+    """Selections of the same recordings begin with the same fits, which are made once."""
+    monkeypatch.setattr(
+        forward_selection,
+        "assess",
+        lambda dataset, model, seed: _assess(_Same(dataset), _Same(model), seed),
+    )
+    monkeypatch.setattr(
+        forward_selection,
+        "fit_candidates",
+        lambda dataset, model, test, on_effect, excluded=(), *, further=False: list(
+            _fit_candidates(_Same(dataset), _Same(model), _Same(test), tuple(excluded), further)
+        ),
+    )
 
 
 def _selected(name: str, seed: int, number: int, fleet: Fleet) -> Selection:
@@ -55,9 +106,8 @@ def test_many_different_pulses_are_an_unknown_force() -> None:
 
 def test_a_strong_engine_that_wanders_is_the_only_cause() -> None:
     """What it leaves beside its notch for a third of a run is neither memory nor an effect."""
-    one = case("engine_vibration-4000", 56, 0, "test")
+    one, diagnosis = diagnose_case("engine_vibration-4000", 56, 0, "test", fitted=1)
     (true,) = one.truth.effects
-    diagnosis = diagnose(one.recordings, one.holdout, one.vehicle, 0)
     assert diagnosis.engine is not None
     frequency = diagnosis.engine.frequency.value
     assert frequency == pytest.approx(true.parameters["frequency"], rel=0.03)
@@ -111,8 +161,7 @@ def test_the_probability_of_tolerances_follows_bayes_rule(before: float, p_none:
 
 def test_a_further_effect_is_named_where_it_is_more_probable_than_not() -> None:
     """3.7 nats, 0.69: a pulse beside a droop stop, both of noncentrality 40."""
-    one = case("pair-40", 69, 8, "test")
-    diagnosis = diagnose(one.recordings, one.holdout, one.vehicle, 0)
+    one, diagnosis = diagnose_case("pair-40", 69, 8, "test")
     true = {e.name: e.where for e in one.truth.effects}
     assert {e.placed.effect.name: e.placed.where for e in diagnosis.named} == true
     assert diagnosis.named[0].probability > 0.95

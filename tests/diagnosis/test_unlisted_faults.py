@@ -9,7 +9,7 @@ from tests.diagnosis.models import assess_case, diagnose_case, ignore_progress
 def test_no_effect_is_named_where_an_unlisted_fault_explains_more() -> None:
     """A mass on a spring between the axles."""
     description = "a mass on a spring near the middle"
-    _, diagnosis = diagnose_case("compliant_seat-4000", 58, 0, "test")
+    _, diagnosis = diagnose_case("compliant_seat-4000", 58, 0, "test", fitted=1)
     assert diagnosis.verdict == "unexplained"
     assert diagnosis.named == ()
     unexplained = diagnosis.unexplained

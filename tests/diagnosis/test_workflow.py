@@ -21,8 +21,9 @@ from tests.battery.cases import Case, case
 
 @cache
 def diagnosed(name: str) -> tuple[Case, DiagnosisResult]:
+    """One fitted recording, one held out."""
     one = case(name, 3, 0)
-    return one, diagnose(one.recordings, one.holdout, one.vehicle, 1)
+    return one, diagnose(one.recordings[:1], one.holdout, one.vehicle, 1)
 
 
 def judged(one: Case, diagnosis: DiagnosisResult) -> Judged:
@@ -88,7 +89,7 @@ def test_a_fault_in_the_held_out_run_alone_is_unexplained() -> None:
     assert agreement.unexplained is not None
     assert not agreement.unexplained.present
     faulty = case("bound_rebound@rear-4000/bump~baja", 3, 0)
-    diagnosis = diagnose(sound.recordings, faulty.recordings[:1], sound.vehicle, 1)
+    diagnosis = diagnose(sound.recordings[:1], faulty.recordings[:1], sound.vehicle, 1)
     assert diagnosis.named == ()
     assert diagnosis.unexplained is not None
     assert diagnosis.unexplained.present

@@ -118,6 +118,7 @@ def test_white_residuals_claim_too_much() -> None:
     assert float(white.draws["c_f"].std()) < 0.8 * float(honest.draws["c_f"].std())
 
 
+@pytest.mark.usefixtures("without_input_search")
 def test_a_prior_with_a_deviation_is_used() -> None:
     _, _, recording = case("bump", 3, EXACT)
     car = vehicle(EXACT)
@@ -137,6 +138,7 @@ def test_missing_rows_uneven_stamps_and_delays_do_not_bias() -> None:
         assert abs(float(x.mean()) - getattr(truth, name)) < 4.5 * float(x.std())
 
 
+@pytest.mark.usefixtures("without_input_search")
 def test_the_wrong_sign_of_a_delay_shows_what_delays_are_worth() -> None:
     truth, _, recording = case("stops", 2, EXACT)
     car = vehicle(EXACT)
@@ -154,6 +156,7 @@ def test_sensors_of_different_bandwidth_are_made_equal() -> None:
         assert float(result.draws[name].mean()) == pytest.approx(getattr(truth, name), rel=0.004)
 
 
+@pytest.mark.usefixtures("without_input_search")
 @pytest.mark.parametrize(
     ("change", "words"),
     [

@@ -190,6 +190,7 @@ def test_a_clipped_reading_is_a_bound(tmp_path: Path) -> None:
     assert np.count_nonzero(line.kind == AT_LEAST) == 4
 
 
+@pytest.mark.usefixtures("without_input_search")
 @pytest.mark.parametrize("cut", ["still", "short", "dead"])
 def test_what_cannot_answer_is_refused_in_words(tmp_path: Path, cut: str) -> None:
     road = flat() if cut == "still" else bump()
