@@ -159,7 +159,7 @@ SENSORS = {
     "half": (*WHEELS, "front_travel", "body_pitch_rate", "rear_chassis"),
     "roll": (
         *(f"{corner}_wheel" for corner in CORNERS), "front_left_chassis", "front_right_chassis",
-        "rear_chassis", "rear_left_travel", "body_pitch_rate",
+        "rear_chassis",
     ),
 }  # fmt: skip
 
