@@ -33,6 +33,7 @@ def blocks(vehicle: Vehicle) -> tuple[SyntheticBlock, SyntheticBlock]:
     return SyntheticBlock(1, counts[:800, :2]), SyntheticBlock(2, counts[:800, 2:], ppm=30.0)
 
 
+@pytest.mark.usefixtures("without_input_search")
 def test_rows_are_tracked_during_the_transfer(
     vehicle: Vehicle, blocks: tuple[SyntheticBlock, SyntheticBlock]
 ) -> None:
@@ -52,6 +53,7 @@ def test_rows_are_tracked_during_the_transfer(
     assert live.verdict == whole.verdict == "ok"
 
 
+@pytest.mark.usefixtures("without_input_search")
 def test_gaps_are_processed_at_the_end(
     vehicle: Vehicle, blocks: tuple[SyntheticBlock, SyntheticBlock]
 ) -> None:

@@ -188,8 +188,12 @@ def test_white_residuals_are_not_asked(monkeypatch: pytest.MonkeyPatch) -> None:
         estimate(runs, vehicle(EXACT), likelihood="output-error")
 
 
+@pytest.mark.usefixtures("without_input_search")
 def test_a_run_that_is_not_of_this_car_is_refused_by_name() -> None:
-    """The other run is in order, and nothing is said against it."""
+    """The other run is in order, and nothing is said against it.
+
+    The search for a mistake of one recording has a test in ``test_input_mistakes.py``.
+    """
     (_, _, plain), (_, _, other) = (case(road, 1, EXACT, seconds=1.2) for road in ("bump", "stops"))
     swapped = replace(other, values=other.values[[1, 0, 3, 2]])
     result = estimate([plain, swapped], vehicle(EXACT))

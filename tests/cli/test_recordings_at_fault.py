@@ -184,6 +184,7 @@ def test_counts_without_a_calibration(
     )
 
 
+@pytest.mark.usefixtures("without_input_search")
 @pytest.mark.parametrize("fault", ["short", "slow", "still", "clipped", "gap"])
 def test_data_that_cannot_answer_are_refused_with_reasons(
     invoke: Command, stops: Path, baja: Path, tmp_path: Path, fault: str

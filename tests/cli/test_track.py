@@ -183,6 +183,7 @@ def test_counts_with_uncertain_scales(invoke: Command, tmp_path: Path, baja: Pat
     assert "20 % softer" in said.out
 
 
+@pytest.mark.usefixtures("without_input_search")
 def test_where_the_filter_is_not_consistent_nothing_is_claimed(
     invoke: Command, baja: Path, tmp_path: Path
 ) -> None:
