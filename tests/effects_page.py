@@ -24,7 +24,7 @@ with $a=(\text{ratio}-1)/(\text{ratio}+1)$; $c$ is the mean of the two rates."""
     "digressive_damper": r"""$F=-k\delta-c\,\dot\delta\,\big(1+|\dot\delta/\text{knee}|^p\big)^{-1/p}$;
 $c$ is the slope at rest.""",
     "damper_curve": r"""$F=-k\delta-c\int_0^{\dot\delta} g(v)\,\mathrm dv$. The slope $g>0$ is piecewise linear
-between knots at rest, at ±6.25 mm/s and at each time twice that up to ±0.8 m/s; from knot to knot $\ln g$ takes
+between knots at rest, at ±12.5 mm/s and at each $\sqrt2$ times that up to ±0.8 m/s; from knot to knot $\ln g$ takes
 independent steps. $g$ is scaled so that $c$ is the rate of the linear damper that takes the same power where
 the rates of deflection are normal with a standard deviation of 0.15 m/s.""",
     "damper_hysteresis": r"""The damper is in series with a stiffness $K$ (gas, oil, rubber mounts: a Maxwell element):
@@ -76,7 +76,7 @@ MEANINGS = {
     },
     "damper_curve": {
         **{f"{side}_{k}": "step of $\\ln g$ to the next knot"
-           for side in ("compression", "extension") for k in range(1, 9)},
+           for side in ("compression", "extension") for k in range(1, 14)},
     },
     "damper_hysteresis": {"stiffness": "stiffness $K$ in series with the dampers of the axle"},
     "coulomb_friction": {
@@ -123,7 +123,7 @@ _ABOUT = """\
 # Effects
 
 This page lists the effects that `bayes-asv diagnose` tests and that
-`bayes-asv estimate --with NAME@WHERE` adds to the linear car. `damper_curve`, `damper_hysteresis` and
+`bayes-asv estimate --with NAME@WHERE` adds to the linear car. `damper_curve` and
 `spring_curve` are not tested one by one: a diagnosis gives them to a damper or a spring where the other effects leave
 something unexplained, and keeps them where that explains the recordings decisively better. Each effect is one file under
 `bayes_asv/models/effects`; `python -m tests.effects_page` generates this page from them. Extension is

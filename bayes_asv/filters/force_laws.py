@@ -37,6 +37,7 @@ __all__ = [
     "DIGRESSIVE",
     "DROOP_STOP",
     "FADE",
+    "KNOT_RATIO",
     "LAW_PARTS",
     "OUTSIDE",
     "PROGRESSIVE",
@@ -44,7 +45,6 @@ __all__ = [
     "SPRING_CURVE",
     "SPRING_FIRST",
     "SPRING_KNOTS",
-    "SPRING_RATIO",
     "apply_laws",
     "damper_forces",
     "excess_many",
@@ -66,16 +66,16 @@ __all__ = [
     SPRING_CURVE,
 ) = range(11)
 
-CURVE_KNOTS = 8
+CURVE_KNOTS = 13
 """Knots of a free damping curve on either side of rest."""
-CURVE_FIRST = 0.00625
-"""Speed of the first of them, m/s; each next one is at twice the speed of the last."""
+CURVE_FIRST = 0.0125
+"""Speed of the first of them, m/s: the last is at 0.8 m/s."""
 SPRING_KNOTS = 10
 """Knots of a free spring curve on either side of rest."""
 SPRING_FIRST = 0.004
-"""Deflection of the first of them, m."""
-SPRING_RATIO = math.sqrt(2.0)
-"""Deflection of each next one over that of the last: the tenth is at 90.5 mm."""
+"""Deflection of the first of them, m: the last is at 90.5 mm."""
+KNOT_RATIO = math.sqrt(2.0)
+"""Speed or deflection of each next knot over that of the last."""
 
 _NUMBERS = 2 * max(CURVE_KNOTS, SPRING_KNOTS) + 1
 _COLUMNS = 2 + _NUMBERS
@@ -125,7 +125,7 @@ def _fade(p: Numbers, rate: Vector, share: Vector) -> Pair:
 
 def _damper_curve(p: Numbers, rate: Vector, share: Vector) -> Pair:
     """Take slopes at the knots over c, from the fastest compression on."""
-    return _on_curve(p, CURVE_KNOTS, CURVE_FIRST, 2.0, rate)
+    return _on_curve(p, CURVE_KNOTS, CURVE_FIRST, KNOT_RATIO, rate)
 
 
 def _on_curve(p: Numbers, knots: int, first: float, ratio: float, x: Vector) -> Pair:
@@ -161,7 +161,7 @@ def _progressive(p: Numbers, delta: Vector) -> Pair:
 
 def _spring_curve(p: Numbers, delta: Vector) -> Pair:
     """Take slopes at the knots over k, from the deepest compression on."""
-    return _on_curve(p, SPRING_KNOTS, SPRING_FIRST, SPRING_RATIO, delta)
+    return _on_curve(p, SPRING_KNOTS, SPRING_FIRST, KNOT_RATIO, delta)
 
 
 def _coulomb(p: Numbers, delta: Vector, rate: Vector, time: Vector) -> tuple[Vector, ...]:

@@ -1,7 +1,7 @@
 """A damper whose curve is free: any force that rises with speed, each side its own.
 
 F = −c G(δ̇) with G(v) = ∫₀ᵛ g.  The relative slope g is piecewise linear between knots at
-0, ±6.25 mm/s, and each time twice that up to ±0.8 m/s, constant beyond, and positive, so that the
+0, ±12.5 mm/s and each √2 times the last up to ±0.8 m/s, constant beyond, and positive, so that the
 force rises with speed.  From knot to knot ln g takes independent steps of _USUAL sinh(z), with z
 standard normal: a random walk over the logarithm of speed, which is smooth where the data are not
 informative, and whose heavy tails (nine times the usual step at three standard deviations) permit a
@@ -18,7 +18,7 @@ from collections.abc import Mapping
 import numpy as np
 from scipy.stats import norm
 
-from bayes_asv.filters.force_laws import CURVE_FIRST, CURVE_KNOTS, DAMPER_CURVE
+from bayes_asv.filters.force_laws import CURVE_FIRST, CURVE_KNOTS, DAMPER_CURVE, KNOT_RATIO
 from bayes_asv.models.effects.base import AXLES, BOTH, Array, Effect, Parameter
 from bayes_asv.models.effects.piecewise_slope import integral, slopes_of_steps, step_names
 
@@ -27,14 +27,14 @@ __all__ = ["CURVE_SPEED", "EFFECT", "KNOTS", "slopes"]
 CURVE_SPEED = 0.15
 """Standard deviation of the rates of deflection for which c is the rate of equal power, m/s."""
 
-_SIDE = CURVE_FIRST * 2.0 ** np.arange(CURVE_KNOTS)
+_SIDE = CURVE_FIRST * KNOT_RATIO ** np.arange(CURVE_KNOTS)
 KNOTS: Array = np.concatenate([-_SIDE[::-1], [0.0], _SIDE])
 """Rates of deflection at the knots, m/s."""
 _STEPS = step_names(CURVE_KNOTS)
 # Least relative slope: the rate of a damper in series with a stiffness is not determined by a force
 # that does not rise with speed.
 _FLATTEST = 1e-3
-_USUAL = 0.3  # scale of the prior of the steps of ln g from knot to knot
+_USUAL = 0.22  # scale of the prior of the steps of ln g from knot to knot
 
 
 def _weights() -> Array:

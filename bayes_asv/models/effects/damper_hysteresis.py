@@ -3,6 +3,10 @@
 ṁ = K (δ̇ − u) with F(u) = m: m is the damper's force, F its law and u the rate across the damper
 without the series stiffness.  The stiffness K of the axle's dampers is due to gas, compressible oil
 and rubber mounts.  The force of a linear damper lags by c/K.
+
+Every damper has some of it.  Oil alone has a stiffness of β A²/V: with a bulk modulus β of 1.4 GPa,
+a piston area A of 10 cm² and a volume V of 0.1 l that is 14 MN/m, some hundred times that of a
+spring.
 """
 
 from __future__ import annotations
@@ -13,6 +17,10 @@ from bayes_asv.filters.force_laws import SERIES_STIFFNESS
 from bayes_asv.models.effects.base import AXLES, BOTH, Effect, Parameter
 
 __all__ = ["EFFECT"]
+
+
+def _compliance_ratio(values: Mapping[str, float], little: Mapping[str, float]) -> float:
+    return little["stiffness"] / values["stiffness"]
 
 
 def _packed(values: Mapping[str, float]) -> tuple[float, ...]:
@@ -27,6 +35,8 @@ EFFECT = Effect(
     parameters=(
         Parameter("stiffness", "N/m", "log", 12.0, 1.0, (5.0, 15.0, 50.0), prior_unit="spring"),
     ),
+    tolerance_values={"stiffness": 500.0},
+    tolerance_ratio=_compliance_ratio,
     one_sided=True,
     code=SERIES_STIFFNESS,
     packed=_packed,

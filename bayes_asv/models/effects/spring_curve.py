@@ -14,13 +14,13 @@ from collections.abc import Mapping
 
 import numpy as np
 
-from bayes_asv.filters.force_laws import SPRING_CURVE, SPRING_FIRST, SPRING_KNOTS, SPRING_RATIO
+from bayes_asv.filters.force_laws import KNOT_RATIO, SPRING_CURVE, SPRING_FIRST, SPRING_KNOTS
 from bayes_asv.models.effects.base import AXLES, BOTH, Array, Effect, Parameter
 from bayes_asv.models.effects.piecewise_slope import integral, slopes_of_steps, step_names
 
 __all__ = ["EFFECT", "KNOTS", "slopes"]
 
-_SIDE = SPRING_FIRST * SPRING_RATIO ** np.arange(SPRING_KNOTS)
+_SIDE = SPRING_FIRST * KNOT_RATIO ** np.arange(SPRING_KNOTS)
 KNOTS: Array = np.concatenate([-_SIDE[::-1], [0.0], _SIDE])
 """Deflections at the knots, m."""
 _STEPS = step_names(SPRING_KNOTS)
