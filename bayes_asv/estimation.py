@@ -45,8 +45,7 @@ from bayes_asv.posterior.identifiability import unidentified_before_fit
 from bayes_asv.posterior.likelihood import Posterior
 from bayes_asv.posterior.map_fit import MapFit, best_fit, fit_near_declared_noise
 from bayes_asv.posterior.model_error import draw_cars, model_error
-from bayes_asv.preprocessing.run_preparation import prepare_runs
-from bayes_asv.preprocessing.run_selection import nothing_in, select_runs
+from bayes_asv.preprocessing.run_preparation import nothing_in, prepare_runs, select_runs
 
 __all__ = ["LIKELIHOODS", "estimate"]
 

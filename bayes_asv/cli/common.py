@@ -91,7 +91,7 @@ def quantity(
     """
 
     def check(ctx: click.Context, param: click.Parameter, text: str | None) -> str | None:
-        from bayes_asv.library.quantities import positive_quantity
+        from bayes_asv.library.inputs import positive_quantity
 
         try:
             positive_quantity(param.opts[0], text, dimension, example, limits)

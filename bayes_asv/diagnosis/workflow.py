@@ -54,10 +54,10 @@ from bayes_asv.diagnosis.model_comparison import (
     weighted_posterior,
 )
 from bayes_asv.diagnosis.recording_faults import find_recording_faults
-from bayes_asv.diagnosis.remainder import fit_unlisted_faults
 from bayes_asv.diagnosis.results import DiagnosisResult, NamedEffect
 from bayes_asv.diagnosis.score_test import one_sided_squares
 from bayes_asv.diagnosis.thresholds import ALTERNATIVE_MARGIN, SIGNIFICANCE_LEVEL
+from bayes_asv.diagnosis.unlisted_fault_fit import fit_unlisted_faults
 from bayes_asv.domain.clocks import declared_clocks
 from bayes_asv.domain.recording import Recording
 from bayes_asv.domain.vehicle import Vehicle

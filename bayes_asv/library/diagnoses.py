@@ -136,7 +136,7 @@ def diagnose(
 
 def _without_rest(runs: tuple[Recording, ...], vehicle: Vehicle, car: str) -> tuple[Recording, ...]:
     """Replace recordings that are too long to be taken whole by their best events."""
-    from bayes_asv.preprocessing.run_selection import select_runs
+    from bayes_asv.preprocessing.run_preparation import select_runs
 
     events, _ = select_runs(runs, vehicle, None, car)
     if runs and not events:

@@ -221,7 +221,7 @@ def estimate(
             "leave out below and likelihood, or effects",
         )  # fmt: skip
     from bayes_asv import estimation
-    from bayes_asv.preprocessing.run_selection import select_runs
+    from bayes_asv.preprocessing.run_preparation import select_runs
 
     if likelihood not in estimation.LIKELIHOODS:
         raise InputError(

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import math
 import os
 from collections.abc import Iterable
 from dataclasses import fields, replace
@@ -15,10 +16,18 @@ from bayes_asv.domain.channel_map import ChannelMap
 from bayes_asv.domain.errors import InputError
 from bayes_asv.domain.files import PathLike
 from bayes_asv.domain.quantities import QUANTITIES
-from bayes_asv.domain.units import display_units, from_si
+from bayes_asv.domain.units import display_units, from_si, parse_quantity, to_si
 from bayes_asv.library.recordings import as_channel_map, check_different
 
-__all__ = ["Vehicle", "check_car", "check_inputs", "check_vehicle", "example", "read_vehicle"]
+__all__ = [
+    "Vehicle",
+    "check_car",
+    "check_inputs",
+    "check_vehicle",
+    "example",
+    "positive_quantity",
+    "read_vehicle",
+]
 
 _NOMINAL: Final = ("c_f", "c_r", "i")
 _GIVEN: Final = ("m", "l", "wdf", "k_f", "k_r")
@@ -204,3 +213,51 @@ def check_vehicle(function: str, vehicle: object, call: str = "") -> vehicles.Ve
 
 def _kind(value: object) -> str:
     return f"a {type(value).__name__}" if value is not None else "missing"
+
+
+def positive_quantity(
+    name: str,
+    text: str | None,
+    dimension: str,
+    example: str,
+    limits: tuple[float, float] = (0.0, math.inf),
+) -> float | None:
+    """Read a positive quantity with its unit.
+
+    Parameters
+    ----------
+    name : str
+        Of the argument, for messages.
+    text : str or None
+        Such as ``"12 mph"``.
+    dimension : str
+        As in :mod:`bayes_asv.domain.units`.
+    example : str
+        A text that fits.
+    limits : pair of float
+        Smallest and largest value, SI units.
+
+    Returns
+    -------
+    float or None
+        SI units; None for None.
+
+    Raises
+    ------
+    InputError
+        If it is not such a quantity.
+    """
+    if text is None:
+        return None
+    if not isinstance(text, str):
+        raise InputError(name, f"{text!r} has no unit", f"write '{example}'")
+    try:
+        value = to_si(*parse_quantity(text), dimension)
+    except InputError as fault:
+        raise InputError(name, f"{fault.where} {fault.what}", f"write '{example}'") from None
+    low, high = limits
+    if not (low <= value <= high and 0.0 < value < math.inf):
+        if high == math.inf:
+            raise InputError(name, "has to be above zero", f"write '{example}'")
+        raise InputError(name, f"has to be between {low:g} and {high:g} in SI units")
+    return value

@@ -10,9 +10,8 @@ from bayes_asv.domain.errors import InputError
 from bayes_asv.domain.files import PathLike, write_atomically
 from bayes_asv.library.estimates import check_seed
 from bayes_asv.library.extras import import_extra
-from bayes_asv.library.inputs import check_car, check_vehicle
+from bayes_asv.library.inputs import check_car, check_vehicle, positive_quantity
 from bayes_asv.library.progress import Progress, progress_bar
-from bayes_asv.library.quantities import positive_quantity
 from bayes_asv.library.result import html_table, json_text
 
 if TYPE_CHECKING:

@@ -10,8 +10,7 @@ import numpy as np
 
 from bayes_asv.domain.errors import InputError
 from bayes_asv.library.estimates import check_seed
-from bayes_asv.library.inputs import check_car, check_vehicle
-from bayes_asv.library.quantities import positive_quantity
+from bayes_asv.library.inputs import check_car, check_vehicle, positive_quantity
 from bayes_asv.library.recordings import Recording, as_recording
 
 if TYPE_CHECKING:

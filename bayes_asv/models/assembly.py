@@ -8,7 +8,7 @@ from typing import NamedTuple
 import numpy as np
 from numpy.typing import NDArray
 
-from bayes_asv.models.half_car import LinearSystem
+from bayes_asv.models.half_car_equations import LinearSystem
 
 __all__ = ["CORNERS", "Link", "SecondOrder", "assemble", "corners", "state_form"]
 

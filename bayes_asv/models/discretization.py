@@ -12,7 +12,7 @@ import numpy as np
 from numpy.typing import NDArray
 from scipy.linalg import expm
 
-from bayes_asv.models.half_car import LinearSystem
+from bayes_asv.models.half_car_equations import LinearSystem
 
 __all__ = ["Step", "exact_step", "simulate_linear"]
 

@@ -8,7 +8,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from bayes_asv.models.car_model import CarModel, Values, state_space
-from bayes_asv.models.half_car import HalfCar, deflection_form
+from bayes_asv.models.half_car_equations import HalfCar, deflection_form
 
 __all__ = ["VibrationMode", "half_width", "modes", "nominal_modes"]
 

@@ -18,7 +18,7 @@ from numpy.typing import NDArray
 from bayes_asv.domain.errors import InputError
 from bayes_asv.domain.vehicle import Roll, Unsprung, Vehicle
 from bayes_asv.models.assembly import CORNERS, Link, SecondOrder, assemble, corners
-from bayes_asv.models.half_car import LinearSystem
+from bayes_asv.models.half_car_equations import LinearSystem
 
 __all__ = [
     "FullCar7",
@@ -76,8 +76,8 @@ class QuarterCar:
 class HalfCar4:
     """Heave and pitch of the chassis and the heights of both axles, both sides together.
 
-    With its wheels taken as inputs it is :class:`bayes_asv.models.half_car.HalfCar`, which the
-    reference uses from chapter 3 on.
+    With its wheels taken as inputs it is :class:`bayes_asv.models.half_car_equations.HalfCar`,
+    which the reference uses from chapter 3 on.
 
     Parameters
     ----------

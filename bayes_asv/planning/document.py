@@ -11,8 +11,8 @@ from numpy.typing import NDArray
 
 from bayes_asv import __version__
 from bayes_asv.domain.units import display_units, from_si
+from bayes_asv.planning.drive_information import correlated_pairs, inseparable_groups
 from bayes_asv.planning.drives import RoadProfile
-from bayes_asv.planning.information import correlated_pairs, inseparable_groups
 from bayes_asv.planning.plan import PlanResult, RatedDrive
 from bayes_asv.planning.text import (
     assumption_lines,

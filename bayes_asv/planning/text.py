@@ -7,12 +7,12 @@ from collections.abc import Sequence
 
 from bayes_asv.domain.quantities import NORMAL_975, QUANTITIES
 from bayes_asv.domain.units import FOOT, INCH, KMH, MPH, display_units, from_si, si_factor
-from bayes_asv.planning.drives import Drive, RoadProfile
-from bayes_asv.planning.information import (
+from bayes_asv.planning.drive_information import (
     CorrelatedPair,
     correlated_pairs,
     inseparable_groups,
 )
+from bayes_asv.planning.drives import Drive, RoadProfile
 from bayes_asv.planning.plan import PlanResult, RatedDrive
 from bayes_asv.planning.predicted_sd import LimitingValues
 from bayes_asv.planning.ride_simulation import RIGHT_LATER

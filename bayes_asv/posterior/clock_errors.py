@@ -155,7 +155,7 @@ class _Job:
         return out
 
     @property
-    def lively(self) -> _Job:
+    def active(self) -> _Job:
         """Job for the stretch in which the wheels move most; at full bandwidth only."""
         recording = self.recording
         if self.below is not None:
@@ -336,7 +336,7 @@ def _are_distinct(one: OffsetMode, other: OffsetMode) -> bool:
 def _profile(job: _Job, points: Sequence[Array]) -> Array:
     """Profile log-likelihood ℓ of one run at clock errors."""
     squares, dispersion = [], []
-    recordings = job.lively.prepared(points)
+    recordings = job.active.prepared(points)
     for recording in recordings:
         fit = _least_squares(job, recording, ())
         squares.append(fit.squares)

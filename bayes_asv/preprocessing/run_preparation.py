@@ -9,11 +9,13 @@ from bayes_asv.domain.vehicle import Vehicle
 from bayes_asv.models.cars import car_model
 from bayes_asv.preprocessing.band import check_band, low_pass_recording, too_short
 from bayes_asv.preprocessing.data_checks import dead_channels, preflight
+from bayes_asv.preprocessing.events import LogEvents, choose_events, find_events, is_long
 from bayes_asv.preprocessing.faulty_channels import stuck_channels
 from bayes_asv.preprocessing.prepare import prepare
 from bayes_asv.preprocessing.prepared_recording import PreparedRecording
+from bayes_asv.preprocessing.resampling import at_own_rate
 
-__all__ = ["prepare_runs"]
+__all__ = ["nothing_in", "prepare_runs", "select_runs"]
 
 
 def prepare_runs(
@@ -69,3 +71,55 @@ def prepare_runs(
             prepared = tuple(low_pass_recording(one, below) for one in prepared)
             warnings.append(f"only the motion below {below:g} Hz was used")
     return prepared, tuple(reasons), tuple(warnings)
+
+
+def select_runs(
+    recordings: Sequence[Recording], vehicle: Vehicle, below: float | None = None, car: str = "half"
+) -> tuple[tuple[Recording, ...], tuple[LogEvents, ...]]:
+    """Undo resampling, and choose the best events of long recordings; others are used whole.
+
+    Parameters
+    ----------
+    recordings, vehicle, below, car
+        As for :func:`bayes_asv.estimation.estimate`.
+
+    Returns
+    -------
+    runs : tuple of Recording
+        Runs in order; a long recording is replaced by its events in order of time.
+    logs : tuple of LogEvents
+        Events of each long recording; empty if none is long.
+    """
+    model = car_model(car, vehicle)
+    recordings = tuple(at_own_rate(recording) for recording in recordings)
+    long = [is_long(recording, below) for recording in recordings]
+    if not any(long):
+        return recordings, ()
+    events_of_logs = [
+        find_events(recording, vehicle, model, below)
+        for recording, is_cut in zip(recordings, long, strict=True)
+        if is_cut
+    ]
+    rows = sum(len(one.time) for one, is_cut in zip(recordings, long, strict=True) if not is_cut)
+    logs = choose_events(events_of_logs, rows, below)
+    of_log = iter(logs)
+    runs: list[Recording] = []
+    for recording, is_cut in zip(recordings, long, strict=True):
+        events = next(of_log).events if is_cut else ()
+        runs += [event.recording for event in events if event.used] if is_cut else [recording]
+    return tuple(runs), logs
+
+
+def nothing_in(log: LogEvents) -> str:
+    """Message that a log has no usable event, and why."""
+    source = log.recording.source or "the recording"
+    reasons = list(dict.fromkeys(event.reason for event in log.events))
+    if not reasons:
+        return (
+            f"the wheels hardly move anywhere in {source}; drive over bumps, parking stops or a "
+            "rough road"
+        )
+    return (
+        f"none of the {len(log.events)} events of {source} can be used, as {' or '.join(reasons)}; "
+        "drive slower over lower bumps"
+    )

@@ -30,7 +30,7 @@ from bayes_asv.estimate_result import EstimationResult
 from bayes_asv.estimation import estimate
 from bayes_asv.io import read_recording
 from bayes_asv.models.discretization import simulate_linear
-from bayes_asv.models.half_car import HalfCar, LinearSystem, position_form
+from bayes_asv.models.half_car_equations import HalfCar, LinearSystem, position_form
 from bayes_asv.reference.greybox import (
     PointEstimate,
     fit_states,

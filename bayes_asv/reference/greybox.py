@@ -12,7 +12,7 @@ from bayes_asv.domain.recording import Recording
 from bayes_asv.domain.vehicle import Vehicle
 from bayes_asv.filters.free_response import free_response
 from bayes_asv.models.car_model import state_space
-from bayes_asv.models.half_car import HalfCar
+from bayes_asv.models.half_car_equations import HalfCar
 from bayes_asv.preprocessing.prepared_recording import PreparedRecording
 from bayes_asv.preprocessing.resampling import at_own_rate
 from bayes_asv.preprocessing.run_preparation import prepare_runs

@@ -13,7 +13,7 @@ from bayes_asv.domain.errors import InputError
 from bayes_asv.domain.recording import Recording, accelerations, nominal_rate, sample_times
 from bayes_asv.domain.vehicle import Vehicle
 from bayes_asv.models.discretization import Step, exact_step
-from bayes_asv.models.half_car import HalfCar, LinearSystem, position_form
+from bayes_asv.models.half_car_equations import HalfCar, LinearSystem, position_form
 
 __all__ = ["DETRENDINGS", "REST_TIME", "Integrated", "integrate", "simulate_states"]
 

@@ -16,7 +16,7 @@ from typing import NamedTuple
 import numpy as np
 from numpy.typing import NDArray
 
-from bayes_asv.models.half_car import HalfCar
+from bayes_asv.models.half_car_equations import HalfCar
 from bayes_asv.models.mode_shapes import second_order_modes
 from bayes_asv.models.modes import VibrationMode
 

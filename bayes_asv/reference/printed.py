@@ -6,7 +6,7 @@ import math
 from typing import Final, NamedTuple
 
 from bayes_asv.domain.units import to_si
-from bayes_asv.models.half_car import HalfCar
+from bayes_asv.models.half_car_equations import HalfCar
 
 __all__ = [
     "TABLE_41",

@@ -22,7 +22,7 @@ from scipy.signal import find_peaks, periodogram, welch
 
 from bayes_asv.domain.quantities import NORMAL_975
 from bayes_asv.models.discretization import exact_step
-from bayes_asv.models.half_car import HalfCar, LinearSystem, deflection_form
+from bayes_asv.models.half_car_equations import HalfCar, LinearSystem, deflection_form
 from bayes_asv.models.modes import VibrationMode, modes
 from bayes_asv.reference.modal import Frequencies, subspace_modes
 

@@ -13,7 +13,7 @@ from dataclasses import dataclass
 from typing import Any, Final
 
 from bayes_asv.domain.units import from_si
-from bayes_asv.models.half_car import HalfCar
+from bayes_asv.models.half_car_equations import HalfCar
 from bayes_asv.models.modes import modes
 from bayes_asv.reference.modal import axle_matrices, corrected_modes, printed_modes
 from bayes_asv.reference.printed import (

@@ -7,7 +7,7 @@ from typing import Any, Final
 from bayes_asv.report.schema import EstimateDocument
 from bayes_asv.report.schema.estimate import Run
 from bayes_asv.report.schema.parts import Curve
-from bayes_asv.report.sections.motion import motion_window
+from bayes_asv.report.sections.travel import motion_window
 from bayes_asv.report.svg import axle_colour
 from bayes_asv.report.words import plain, readable_unit
 

@@ -17,7 +17,7 @@ from bayes_asv.report.schema import (
     TrackDocument,
 )
 from bayes_asv.report.sections import COMPARE, DIAGNOSIS, ESTIMATE, FLEET, TRACK
-from bayes_asv.report.sections.blocks import About, Block, Figure, Section, Text
+from bayes_asv.report.sections.blocks import About, Block, Figure, Section, Table, Text
 from bayes_asv.report.sections.checks import (
     Answer,
     compare_checks,
@@ -44,7 +44,6 @@ from bayes_asv.report.sections.online_filter import (
     track_subtitle,
 )
 from bayes_asv.report.sections.parameters import given_table, parameter_table
-from bayes_asv.report.sections.provenance import provenance
 from bayes_asv.report.sections.simulation import overview
 from bayes_asv.report.sections.verdict import (
     cards,
@@ -56,9 +55,9 @@ from bayes_asv.report.sections.verdict import (
     track_steps,
 )
 from bayes_asv.report.svg import Panel, style
-from bayes_asv.report.words import capitalized, number, plain
+from bayes_asv.report.words import MISSING, capitalized, number, plain
 
-__all__ = ["limits", "page_texts", "report_page"]
+__all__ = ["limits", "page_texts", "provenance", "report_page"]
 
 D = TypeVar("D")
 Page = dict[str, Any]
@@ -362,3 +361,22 @@ def _with_fixed_spaces(value: Any) -> Any:
     if isinstance(value, list):
         return [_with_fixed_spaces(v) for v in value]
     return _SPACE.sub("\u00a0", value) if isinstance(value, str) else value
+
+
+def provenance(document: PageDocument) -> Iterator[Block]:
+    """List what is needed to repeat the computation."""
+    origin = document.provenance
+    files = [*origin.recordings, *([origin.vehicle] if origin.vehicle is not None else [])]
+    rows = [[plain(f.file or MISSING), plain(f.sha256 or "no hash")] for f in files]
+    if rows:
+        yield Table("Provenance", ["file", "SHA-256"], rows, kind="hashes")
+    versions = {"bayes_asv": document.version, "Python": origin.python, **origin.packages}
+    shown = ", ".join(f"{plain(name)} {plain(v)}" for name, v in versions.items() if v)
+    lines = [
+        f"Versions: {shown}. Seed {document.seed}: the same files, versions and seed give the same "
+        "numbers."
+    ]
+    if isinstance(document, EstimateDocument) and document.diagnostics.likelihood:
+        car, likelihood = plain(document.car), plain(document.diagnostics.likelihood)
+        lines[0] += f" Model of the car: {car}. Likelihood: {likelihood}."
+    yield Text("", lines)

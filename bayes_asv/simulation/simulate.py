@@ -19,7 +19,7 @@ from bayes_asv.models.assembly import SecondOrder, state_form
 from bayes_asv.models.car_model import CarModel, Output, state_space
 from bayes_asv.models.cars import car_model
 from bayes_asv.models.discretization import simulate_linear
-from bayes_asv.models.half_car import LinearSystem
+from bayes_asv.models.half_car_equations import LinearSystem
 from bayes_asv.simulation.roads import Road
 
 __all__ = ["Drive", "response", "simulate", "usual_channels"]

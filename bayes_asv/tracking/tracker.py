@@ -22,6 +22,7 @@ from bayes_asv.models.effects import PlacedEffect, placed_effect
 from bayes_asv.preprocessing.prepare import used_channels
 from bayes_asv.preprocessing.quantization import smallest_step
 from bayes_asv.preprocessing.resampling import at_own_rate
+from bayes_asv.tracking.active_blocks import ActiveBlocks
 from bayes_asv.tracking.checkpoint import read_checkpoint, restore, write_checkpoint
 from bayes_asv.tracking.consistency import ConsistencyMonitor
 from bayes_asv.tracking.data_checks import DataChecks, unidentified_parameters
@@ -38,7 +39,6 @@ from bayes_asv.tracking.filter_model import (
     twists,
 )
 from bayes_asv.tracking.frames import Frames, concatenate, empty_frames
-from bayes_asv.tracking.lively_rows import LivelyRows
 from bayes_asv.tracking.parameters import coordinates
 from bayes_asv.tracking.sensor_noise import SensorModel, sensor_model
 from bayes_asv.tracking.streaming_timeline import StreamingTimeline, TimelineChunk
@@ -156,7 +156,7 @@ class Tracker:
         outputs = len(self._sensors.outputs)
         self.consistency = ConsistencyMonitor(rate, self._noise_declared, outputs)
         self.data_checks = DataChecks(rate, len(names))
-        self._lively = LivelyRows(self._sensors.channels, metadata)
+        self._active_blocks = ActiveBlocks(self._sensors.channels, metadata)
         self._standstill: StandstillBias | None = None
         self._last_fault = -math.inf  # stamp of the last row with a fault
         if self._noise_declared and not twists(model):
@@ -230,7 +230,7 @@ class Tracker:
             )  # fmt: skip
         if len(self._columns) < len(self.channels):
             acc = acc[:, self._columns]
-        self._lively.append(times, acc)
+        self._active_blocks.append(times, acc)
         if self._timeline is None:
             return self._collect(times, acc)
         return self._process(times, acc)
@@ -310,7 +310,7 @@ class Tracker:
         """
         if self.effects:
             return None
-        kept = [at_own_rate(one) for one in self._lively.recordings(source)]
+        kept = [at_own_rate(one) for one in self._active_blocks.recordings(source)]
         if not kept:
             return None
         sensors = dict(self.vehicle.sensors)

@@ -13,7 +13,7 @@ from numpy.typing import NDArray
 from bayes_asv.domain.channels import CHANNELS
 from bayes_asv.domain.recording import Recording
 from bayes_asv.domain.vehicle import Vehicle, read_vehicle
-from bayes_asv.models.half_car import HalfCar
+from bayes_asv.models.half_car_equations import HalfCar
 from benchmarks.calibration.cells import MODEL, TERRAIN_NAMES, Cell
 from tests.rig import (
     DECLARED_SDS,
@@ -53,7 +53,7 @@ class Case:
     vehicle : Vehicle
         What the team says.
     car : (8,) array
-        The true car in the order of :class:`bayes_asv.models.half_car.HalfCar`, SI.
+        The true car in the order of :class:`bayes_asv.models.half_car_equations.HalfCar`, SI.
     sensors : SensorSpec
         The true sensors.
     motion : Motion

@@ -11,7 +11,7 @@ from scipy.stats import chi2
 
 from bayes_asv.domain.recording import Recording
 from bayes_asv.models.discretization import simulate_linear
-from bayes_asv.models.half_car import HalfCar, deflection_form
+from bayes_asv.models.half_car_equations import HalfCar, deflection_form
 from bayes_asv.posterior.likelihood import WHITE, Posterior
 from bayes_asv.posterior.parameters import ParameterSpace, make_parameter_space
 from bayes_asv.preprocessing.prepared_recording import PreparedRecording

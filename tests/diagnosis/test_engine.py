@@ -23,7 +23,7 @@ from bayes_asv.diagnosis.score_test import one_sided_squares
 from bayes_asv.diagnosis.thresholds import PRIOR_NONE
 from bayes_asv.diagnosis.tolerance_prior import with_offset
 from bayes_asv.diagnosis.tone_detection import detect_tones
-from bayes_asv.models.half_car import HalfCar
+from bayes_asv.models.half_car_equations import HalfCar
 from bayes_asv.posterior.fisher_scoring import slopes
 from bayes_asv.posterior.fitted_model import FittedModel, fit_linear_car
 from bayes_asv.preprocessing.tone_removal import notch_of

@@ -15,7 +15,7 @@ from bayes_asv.filters.kalman import (
 )  # fmt: skip
 from bayes_asv.models.car_model import Output, state_space
 from bayes_asv.models.cars import car_model
-from bayes_asv.models.half_car import HalfCar
+from bayes_asv.models.half_car_equations import HalfCar
 from tests.filters.linear_cases import VEHICLE, straight_moments
 
 __all__ = ["CAR", "Prepared", "kalman_pass", "recursion_case"]

@@ -21,7 +21,7 @@ from bayes_asv.filters.kalman import (
 )  # fmt: skip
 from bayes_asv.filters.prediction import upper_tail
 from bayes_asv.models.discretization import simulate_linear
-from bayes_asv.models.half_car import LinearSystem
+from bayes_asv.models.half_car_equations import LinearSystem
 from tests.filters.linear_cases import KINDS, Case, dense, linear_case, straight_moments
 
 

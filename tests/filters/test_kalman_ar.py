@@ -11,7 +11,7 @@ from numpy.typing import NDArray
 from bayes_asv.filters import kalman_ar
 from bayes_asv.filters.kalman import MISSING, VALUE, Measurements, filter_pass, log_likelihood
 from bayes_asv.models.discretization import simulate_linear
-from bayes_asv.models.half_car import LinearSystem
+from bayes_asv.models.half_car_equations import LinearSystem
 from tests.filters.linear_cases import KINDS, Case, linear_case
 
 Array = NDArray[np.float64]

@@ -30,7 +30,7 @@ from bayes_asv.filters.simd_batch import (
 from bayes_asv.filters.simd_layout import blocks, lane_rows, shape_of
 from bayes_asv.filters.ukf_state import ALL, FilterSettings, State, Steps
 from bayes_asv.models.cars import car_model
-from bayes_asv.models.half_car import HalfCar, deflection_form
+from bayes_asv.models.half_car_equations import HalfCar, deflection_form
 from bayes_asv.tracking.filter import initial_state
 from bayes_asv.tracking.filter_model import FilterModel, filter_model
 from bayes_asv.tracking.parameters import coordinates

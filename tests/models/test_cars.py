@@ -10,7 +10,7 @@ from scipy.integrate import solve_ivp
 
 from bayes_asv.models.assembly import Array, SecondOrder, state_form
 from bayes_asv.models.discretization import simulate_linear
-from bayes_asv.models.half_car import HalfCar
+from bayes_asv.models.half_car_equations import HalfCar
 from bayes_asv.models.mode_shapes import Car, car_modes, places
 from bayes_asv.models.modes import modes
 from bayes_asv.models.textbook_cars import (

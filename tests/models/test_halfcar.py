@@ -9,7 +9,13 @@ from hypothesis import strategies as st
 from scipy.integrate import simpson, solve_ivp
 
 from bayes_asv.models.discretization import exact_step, simulate_linear
-from bayes_asv.models.half_car import Array, HalfCar, LinearSystem, deflection_form, position_form
+from bayes_asv.models.half_car_equations import (
+    Array,
+    HalfCar,
+    LinearSystem,
+    deflection_form,
+    position_form,
+)
 from bayes_asv.models.modes import modes
 
 LBF_PER_INCH = 175.12683524647636

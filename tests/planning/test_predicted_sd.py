@@ -15,7 +15,7 @@ from bayes_asv.domain.channels import CHANNELS, channel
 from bayes_asv.domain.vehicle import Given, Vehicle, read_vehicle
 from bayes_asv.models.car_model import Output
 from bayes_asv.models.cars import car_model
-from bayes_asv.planning.information import correlated_pairs
+from bayes_asv.planning.drive_information import correlated_pairs
 from bayes_asv.planning.predicted_sd import (
     limiting_values,
     predicted_sd,

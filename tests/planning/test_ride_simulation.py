@@ -13,7 +13,7 @@ from bayes_asv.domain.errors import InputError
 from bayes_asv.domain.vehicle import Given
 from bayes_asv.models.cars import car_model
 from bayes_asv.models.discretization import simulate_linear
-from bayes_asv.models.half_car import HalfCar, deflection_form
+from bayes_asv.models.half_car_equations import HalfCar, deflection_form
 from bayes_asv.planning.drives import LEAD_IN, RoadProfile
 from bayes_asv.planning.ride_simulation import Pass, Tyres, default_tyres, simulate_passes
 from tests.posterior.cases import DECLARED, vehicle

@@ -26,8 +26,7 @@ from bayes_asv.preprocessing.events import (
     find_events,
 )
 from bayes_asv.preprocessing.faulty_channels import clipping_limit
-from bayes_asv.preprocessing.run_preparation import prepare_runs
-from bayes_asv.preprocessing.run_selection import select_runs
+from bayes_asv.preprocessing.run_preparation import prepare_runs, select_runs
 from tests.rig import RigCar, SensorSpec, baja, draw, draw_biases, vehicle_toml
 from tests.rig.long_log import Kind, LongLog, hour, long_log
 

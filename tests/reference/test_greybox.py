@@ -10,7 +10,7 @@ from scipy.interpolate import CubicSpline
 from bayes_asv.domain.channels import CHANNELS
 from bayes_asv.domain.recording import Recording
 from bayes_asv.io import read_recording
-from bayes_asv.models.half_car import position_form
+from bayes_asv.models.half_car_equations import position_form
 from bayes_asv.reference.experiments import (
     fit_exact_accelerations,
     fit_exact_states,

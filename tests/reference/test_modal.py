@@ -8,7 +8,7 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 from numpy.typing import NDArray
 
-from bayes_asv.models.half_car import HalfCar, position_form
+from bayes_asv.models.half_car_equations import HalfCar, position_form
 from bayes_asv.models.mode_shapes import second_order_modes
 from bayes_asv.models.modes import modes
 from bayes_asv.reference.modal import (

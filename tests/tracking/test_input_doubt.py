@@ -70,14 +70,14 @@ def test_a_watch_with_a_mistaken_input_raises_no_alarm() -> None:
     assert "hold the same readings" in result.lines()[1]
 
 
-def test_the_last_lively_rows_of_a_stream_are_checked_too() -> None:
+def test_the_last_active_rows_of_a_stream_are_checked_too() -> None:
     """A sensor that drops out 20 s after the liveliest stretch."""
     calm = case("rough", 4, DECLARED, seconds=25.0)[2]
     values = calm.values.copy()
     values[:, : len(calm.time) // 4] *= 1.5
     values[3, 7000:] += 400.0 * np.sin(3.0 * calm.time[7000:])
     tracker, _ = tracked(replace(calm, values=values))
-    kept = tracker._lively.recordings("x.csv")
+    kept = tracker._active_blocks.recordings("x.csv")
     assert len(kept) == 2
     assert kept[1].time[-1] > 17.5
 

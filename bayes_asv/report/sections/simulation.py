@@ -12,8 +12,7 @@ from bayes_asv.report import svg
 from bayes_asv.report.schema import EstimateDocument
 from bayes_asv.report.schema.estimate import Fit, Noise, OutputCurves, Run
 from bayes_asv.report.sections.blocks import Block, Figure, Section, Table, Text
-from bayes_asv.report.sections.motion import motion_window
-from bayes_asv.report.sections.travel import travel_curve
+from bayes_asv.report.sections.travel import motion_window, travel_curve
 from bayes_asv.report.words import (
     MISSING,
     capitalized,

@@ -14,7 +14,6 @@ from bayes_asv.report.schema.estimate import Run, SpeedShare, TravelCurves
 from bayes_asv.report.schema.parts import Curve, TravelLimits
 from bayes_asv.report.sections.blocks import Block, Figure, Section, Table
 from bayes_asv.report.sections.damper_force import force_panel
-from bayes_asv.report.sections.motion import motion_window
 from bayes_asv.report.words import (
     MISSING,
     capitalized,
@@ -28,7 +27,10 @@ from bayes_asv.report.words import (
 if TYPE_CHECKING:
     from matplotlib.axes import Axes
 
-__all__ = ["SECTION", "travel_curve", "velocity_shares"]
+__all__ = ["SECTION", "motion_window", "travel_curve", "velocity_shares"]
+
+_MOVING: Final = 0.05  # of the largest wheel acceleration: the motion is above it
+_BEFORE, _AFTER = 0.1, 0.4  # s shown around the motion
 
 Array = NDArray[np.float64]
 
@@ -275,3 +277,17 @@ def _pooled(runs: Sequence[Run], place: str, of: Literal["velocity", "deflection
             clock = np.linspace(time[good][0], time[good][-1], count)
             parts.append(np.interp(clock, time[good], values[good]))
     return np.concatenate(parts) if parts else np.empty(0)
+
+
+def motion_window(run: Run) -> tuple[float, float]:
+    """First and last time that figures show: the motion of the wheels with a margin."""
+    time = svg.curve_array(run.wheels.time)
+    moving = np.zeros(len(time), dtype=bool)
+    for curve in run.wheels.entries.values():
+        size = np.abs(svg.curve_array(curve))
+        if np.isfinite(size).any():
+            moving |= size > _MOVING * np.nanmax(size)
+    if not moving.any():
+        return float(time[0]), float(time[-1])
+    first, last = time[moving][[0, -1]]
+    return max(float(first) - _BEFORE, float(time[0])), min(float(last) + _AFTER, float(time[-1]))

@@ -11,7 +11,7 @@ from numpy.typing import NDArray
 from bayes_asv.domain.channels import Channel
 from bayes_asv.domain.recording import Recording
 
-__all__ = ["LivelyRows"]
+__all__ = ["ActiveBlocks"]
 
 Array = NDArray[np.float64]
 
@@ -21,7 +21,7 @@ _MIN_POWER = 0.25  # least power of a later block that is kept, relative to the 
 _UNITS = {"acceleration": "m/s^2", "angular_rate": "rad/s", "deflection": "m"}
 
 
-class LivelyRows:
+class ActiveBlocks:
     """Keeps the most active block of a stream, and the latest one that is nearly as active.
 
     The latest one shows faults that occurred during the drive.
@@ -41,7 +41,7 @@ class LivelyRows:
         self._metadata = metadata
         self._wheels = [c for c, channel in enumerate(self._channels) if channel.is_input]
         self._rows: list[tuple[Array, Array]] = []  # rows of the current block
-        self._liveliest: Recording | None = None
+        self._most_active: Recording | None = None
         self._latest: Recording | None = None
 
     def append(self, times: Array, readings: Array) -> None:
@@ -54,7 +54,7 @@ class LivelyRows:
     def recordings(self, source: str) -> list[Recording]:
         """Return the kept blocks, with the name of their source."""
         self._close()
-        kept = (self._liveliest, self._latest)
+        kept = (self._most_active, self._latest)
         return [replace(block, source=source) for block in kept if block is not None]
 
     def _close(self) -> None:
@@ -70,10 +70,10 @@ class LivelyRows:
             channels=tuple(channel.name for channel in self._channels),
         )
         self._rows = []
-        most = 0.0 if self._liveliest is None else self._power(self._liveliest)
+        most = 0.0 if self._most_active is None else self._power(self._most_active)
         power = self._power(block)
-        if self._liveliest is None or power > most:
-            self._liveliest, self._latest = block, None
+        if self._most_active is None or power > most:
+            self._most_active, self._latest = block, None
         elif power > _MIN_POWER * most:
             self._latest = block
 

@@ -10,7 +10,7 @@ from scipy.special import ndtri
 
 from bayes_asv.models.car_model import Output
 from bayes_asv.models.cars import car_model
-from bayes_asv.planning.information import inseparable_groups
+from bayes_asv.planning.drive_information import inseparable_groups
 from bayes_asv.planning.predicted_sd import predicted_sd
 from bayes_asv.posterior.information import fisher_information, make_parameter_prior, sd_floor
 from bayes_asv.posterior.likelihood import WHITE, Posterior, shared_work
