@@ -160,10 +160,13 @@ def remove_effects(
 def prune(
     assessed: AssessedModel, effects: list[NamedEffect], seed: int
 ) -> tuple[AssessedModel, list[NamedEffect]]:
-    """Remove effects that later ones have made unnecessary."""
+    """Remove effects that later ones have made unnecessary, and those within the error of knots."""
     k = 0
     while len(effects) > 1 and k < len(effects):
-        if _evidence_for(assessed, (effects[k].placed,)) < NEEDED_EVIDENCE:
+        placed = effects[k].placed
+        if _evidence_for(assessed, (placed,)) < NEEDED_EVIDENCE or _is_within_error_of_knots(
+            assessed.model, placed
+        ):
             assessed, effects = remove_effects(assessed, effects, [effects[k]], seed)
         else:
             k += 1
@@ -202,6 +205,21 @@ def supported_by_holdout(
     lost = _evidence_for(on_fit, placed_effects)
     lost -= _evidence_for(on_all, placed_effects)
     return not lost > NEEDED_EVIDENCE
+
+
+def _is_within_error_of_knots(model: FittedModel, placed: PlacedEffect) -> bool:
+    """Whether an effect is within its tolerance at a place where a law is free.
+
+    Between its knots a free law differs from that of the car.  In precise recordings other effects
+    gain evidence by making up for that, as small as they are.
+    """
+    effect = placed.effect
+    if effect.free_form or effect.tolerance_values is None:
+        return False
+    if not any(s.effect.free_form and s.corners & placed.corners for s in model.placed_effects):
+        return False
+    tolerance = effect.tolerance_values_for(model.space.sizes)
+    return abs(effect.in_tolerances(model.space.effects(model.mode.z)[placed], tolerance)) < 1.0
 
 
 def _evidence_for(assessed: AssessedModel, placed_effects: tuple[PlacedEffect, ...]) -> float:

@@ -13,6 +13,7 @@ from bayes_asv.report.schema.parts import Parameter, Summary
 __all__ = [
     "LABELS",
     "MISSING",
+    "NOT_DETERMINED",
     "TONES",
     "Comparison",
     "capitalized",
@@ -23,6 +24,7 @@ __all__ = [
     "enumerated",
     "estimate_text",
     "interval",
+    "is_determined",
     "labelled",
     "likelihood_words",
     "number",
@@ -40,6 +42,7 @@ LABELS: Final = {name: label for name, (_, label) in QUANTITIES.items()}
 """Display name of every parameter."""
 
 MISSING: Final = "–"
+NOT_DETERMINED: Final = "not determined"
 
 TONES: Final = {"below": "below", "above": "above", "agrees": "good", "unclear": "muted"}
 """Colour of a comparison with nominal, by its sense."""
@@ -49,6 +52,7 @@ SMALL_DIFFERENCE: Final = 0.05
 WIDE: Final = 0.10
 """Standard deviation over mean beyond which a parameter is called uncertain."""
 
+_MOST_UNCERTAIN: Final = 10.0  # upper over lower end of an interval: an order of magnitude
 _SUPERSCRIPTS: Final = {"^2": "²", "^3": "³", "^4": "⁴", "^1": ""}
 _DIGITS_WITHOUT_SD: Final = 4
 _MAX_LENGTH: Final = 500
@@ -209,9 +213,20 @@ def plus_minus(parameter: Summary) -> str:
     return f"{number(parameter.mean, parameter.sd)} ± {number(parameter.sd, parameter.sd)}"
 
 
-def estimate_text(parameter: Summary, unit: str) -> str:
-    """Write the mean with its unit, in the digits of a sentence."""
-    return f"{number(parameter.mean, parameter.sd, 1)} {readable_unit(unit)}".strip()
+def is_determined(parameter: Summary) -> bool:
+    """Whether the 95 % interval of a positive parameter spans less than a factor of ten.
+
+    A wider one leaves the order of magnitude open, and neither mean nor standard deviation says so.
+    """
+    low, high = parameter.eti95
+    return high < _MOST_UNCERTAIN * low
+
+
+def estimate_text(parameter: Summary, unit: str, digits: int = 1) -> str:
+    """Write the mean with its unit, in the digits of a sentence; without one if it is unknown."""
+    if not is_determined(parameter):
+        return NOT_DETERMINED
+    return f"{number(parameter.mean, parameter.sd, digits)} {readable_unit(unit)}".strip()
 
 
 class Comparison(NamedTuple):

@@ -4,15 +4,18 @@ from __future__ import annotations
 
 from dataclasses import replace
 from functools import cache
+from types import SimpleNamespace
+from typing import Any
 
 import numpy as np
 import pytest
 
-from bayes_asv.diagnosis import holdout_validation
+from bayes_asv.diagnosis import holdout_validation, model_assessment
 from bayes_asv.diagnosis.holdout_validation import failed_effects
 from bayes_asv.diagnosis.model_assessment import (
     AssessedModel,
     assess,
+    prune,
     remove_effects,
     supported_by_holdout,
 )
@@ -24,7 +27,7 @@ from bayes_asv.diagnosis.simulation_error import (
     error_increased,
     simulation_residuals,
 )
-from bayes_asv.models.effects import PlacedEffect
+from bayes_asv.models.effects import PlacedEffect, Scale
 from bayes_asv.posterior.effect_fit import read_effect, with_effects
 from bayes_asv.posterior.fitted_model import Dataset, fit_linear_car
 from tests.battery.cases import case
@@ -165,3 +168,34 @@ def test_a_simulation_that_diverges_is_worse_than_any() -> None:
     diverged = replace(zero, residuals=(np.full((400, 2), np.nan),))
     assert error_increased(zero, diverged, 1)
     assert not error_increased(diverged, diverged, 1)  # no reading there
+
+
+@pytest.mark.parametrize(
+    ("curve", "stiffness", "kept"),
+    [
+        ("damper_curve@front", 400_000.0, True),  # a lag of 2.5 ms at 1000 N·s/m
+        ("damper_curve@front", 20_000_000.0, False),  # 0.05 ms
+        ("damper_curve@rear", 20_000_000.0, True),  # not where the law is free
+        ("bound_rebound@front", 20_000_000.0, True),
+    ],
+)
+def test_what_makes_up_for_the_knots_of_a_free_law_is_removed(
+    monkeypatch: pytest.MonkeyPatch, curve: str, stiffness: float, kept: bool
+) -> None:
+    """However much evidence it gains."""
+    placed = tuple(read_effect(text) for text in (curve, "damper_hysteresis@front"))
+    space = SimpleNamespace(
+        sizes=Scale(load=1100.0, spring=17_000.0),
+        effects=lambda _: {placed[1]: {"stiffness": stiffness}},
+    )
+    model = SimpleNamespace(placed_effects=placed, space=space, mode=SimpleNamespace(z=0.0))
+    assessed: Any = SimpleNamespace(model=model)
+    monkeypatch.setattr(model_assessment, "_evidence_for", lambda *_: 100.0)
+    monkeypatch.setattr(
+        model_assessment,
+        "remove_effects",
+        lambda one, effects, removed, _: (one, [e for e in effects if e not in removed]),
+    )
+    named = [NamedEffect(one, 1.0, (), {}) for one in placed]
+    _, left = prune(assessed, named, 0)
+    assert [e.placed for e in left] == list(placed if kept else placed[:1])

@@ -19,7 +19,7 @@ from bayes_asv.report.sections.parameters import answers
 from bayes_asv.report.sections.verdict import track_lines, verdict_lines
 from bayes_asv.report.terminal import answer_text
 from bayes_asv.report.words import estimate_text, interval
-from tests.report.conftest import DATA, KINDS, load
+from tests.report.conftest import DATA, KINDS, load, table
 
 ANSI = re.compile(r"\x1b\[[0-9;]*m")
 SCRIPT = """
@@ -63,6 +63,23 @@ def test_every_number_of_a_parameter_is_said_once(kind: str) -> None:
         p = document.parameters[name]
         assert text.count(interval(p, 1)) == 1
         assert text.count(estimate_text(p, p.unit)) == 1
+
+
+def test_an_interval_of_more_than_a_factor_of_ten_has_no_mean() -> None:
+    """Neither in the table nor in the sentence; the interval itself is stated."""
+    document = load("us")
+    wide = document.parameters["c_f"]
+    wide.mean, wide.sd, wide.eti95 = 41.7, 60.3, (1.3, 104.0)
+    text = shown(document, verdict_lines(document))
+    assert "not determined" in text
+    assert interval(wide, 1) in text
+    assert "41.7" not in text
+    parameters = table(document, "Parameters")
+    assert parameters is not None
+    row = next(row for row in parameters.rows if row[0].startswith("Front damping rate"))
+    assert row[1:3] == ["not determined", "–"]
+    wide.eti95 = (10.5, 104.0)
+    assert "not determined" not in shown(document, verdict_lines(document))
 
 
 def test_a_diagnosis_has_parameters_before_and_after_in_a_table() -> None:

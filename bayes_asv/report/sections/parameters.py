@@ -18,9 +18,11 @@ from bayes_asv.report.sections.blocks import Block, Figure, Section, Table, Text
 from bayes_asv.report.words import (
     LABELS,
     MISSING,
+    NOT_DETERMINED,
     capitalized,
     estimate_text,
     interval,
+    is_determined,
     labelled,
     likelihood_words,
     number,
@@ -119,8 +121,9 @@ def parameter_table(parameters: Mapping[str, Parameter], title: str) -> Table:
     """Mean, standard deviation, interval, nominal value and probability of every parameter."""
     rows = [
         [
-            capitalized(labelled(name, p.label, p.unit)), number(p.mean, p.sd),
-            number(p.sd, p.sd), interval(p), number(p.nominal),
+            capitalized(labelled(name, p.label, p.unit)),
+            number(p.mean, p.sd) if is_determined(p) else NOT_DETERMINED,
+            number(p.sd, p.sd) if is_determined(p) else MISSING, interval(p), number(p.nominal),
             MISSING if p.withheld else probability(p.p_below_nominal),
         ]
         for name, p in parameters.items()
@@ -133,7 +136,8 @@ def _si_table(parameters: Mapping[str, Parameter], title: str) -> Table:
     """Parameters in SI units."""
     rows = [
         [
-            capitalized(labelled(name, p.label, p.si.unit)), plus_minus(p.si), interval(p.si),
+            capitalized(labelled(name, p.label, p.si.unit)),
+            plus_minus(p.si) if is_determined(p) else NOT_DETERMINED, interval(p.si),
             number(p.si.nominal),
         ]
         for name, p in parameters.items()

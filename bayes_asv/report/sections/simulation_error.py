@@ -17,6 +17,7 @@ from bayes_asv.report.words import (
     MISSING,
     capitalized,
     enumerated,
+    estimate_text,
     interval,
     labelled,
     number,
@@ -107,7 +108,7 @@ def shift_sentence(name: str, document: DiagnoseDocument) -> str:
     before, after = document.parameters_before[name], document.parameters_after[name]
     return (
         f"{capitalized(LABELS[name])}: {number(before.mean, before.sd)} before, "
-        f"{number(after.mean, after.sd)} {readable_unit(after.unit)} after "
+        f"{estimate_text(after, after.unit, 2)} after "
         f"(95 %: {interval(after)}; nominal {number(after.nominal)})."
     )
 
