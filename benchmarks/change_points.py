@@ -87,7 +87,7 @@ def templates() -> tuple[Array, Array]:
         drive = asv.simulate(car, ("stops", "bump")[seed % 2], seed=seed)
         draws = asv.estimate(drive, car, seed=seed, progress=False).engine.draws
         found.append(coordinates.likelihood({n: x.ravel() for n, x in draws.items()}).precision)
-    return np.stack(found), coordinates.way
+    return np.stack(found), coordinates.directions
 
 
 def simulate_season(rng: np.random.Generator, precisions: Array, way: Array, kind: str) -> Season:

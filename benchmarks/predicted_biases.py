@@ -73,7 +73,7 @@ def one(terrain: str, known: str, seed: int) -> dict[str, Any]:
     before = answers(fit.space, fit.mode)
     misses, stuck = [], 0
     for shift in width.shifts:
-        after, predicted = again(fit, car, shift), width.by_answer(shift.moved)
+        after, predicted = again(fit, car, shift), width.by_parameter(shift.moved)
         if after is None:
             stuck += 1
             continue

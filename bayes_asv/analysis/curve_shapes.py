@@ -49,12 +49,12 @@ def ratio(above: Array, below: Array) -> Array:
     return np.asarray(np.maximum(above, least) / np.maximum(below, least))
 
 
-def log_bend(near: Array, half: Array, full: Array) -> Array:
+def log_bend(near_rest: Array, half: Array, full: Array) -> Array:
     """Logarithm of the slope far from rest over that near rest.
 
     Parameters
     ----------
-    near, half, full : (N,) arrays
+    near_rest, half, full : (N,) arrays
         Draws of the force at :data:`SLOWEST` of the range used, at half of it and at all of it, N.
 
     Returns
@@ -62,7 +62,7 @@ def log_bend(near: Array, half: Array, full: Array) -> Array:
     (N,) array
         ln of the mean slope over the upper half of the range over that in its lowest eighth.
     """
-    return np.log(ratio((full - half) / (1.0 - 0.5), near / SLOWEST))
+    return np.log(ratio((full - half) / (1.0 - 0.5), near_rest / SLOWEST))
 
 
 def curve_shapes(

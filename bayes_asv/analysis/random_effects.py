@@ -126,7 +126,7 @@ def likelihood_of_run(mean: Array, covariance: Array) -> RunLikelihood:
 
 
 def homogeneity_test(
-    run_likelihoods: Sequence[RunLikelihood], way: Array, which: Sequence[int] | None = None
+    run_likelihoods: Sequence[RunLikelihood], directions: Array, which: Sequence[int] | None = None
 ) -> HomogeneityTest:
     """Test whether runs have the same parameters.
 
@@ -134,7 +134,7 @@ def homogeneity_test(
     ----------
     run_likelihoods : sequence of RunLikelihood
         One a run.
-    way : (n, 3) array
+    directions : (n, 3) array
         B; a column of zeros for a parameter that is given as exact.
     which : sequence of int, optional
         Columns of B that are tested, with the others free to differ; all of them by default.
@@ -145,21 +145,23 @@ def homogeneity_test(
         The common value of a free parameter has a flat prior here: a conflict between data and
         prior is not a difference between runs.
     """
-    identified = [k for k in range(way.shape[1]) if np.any(way[:, k] != 0.0)]
+    identified = [k for k in range(directions.shape[1]) if np.any(directions[:, k] != 0.0)]
     tested = [k for k in (identified if which is None else which) if k in identified]
     others = [k for k in identified if k not in tested]
     if len(run_likelihoods) < 2 or not tested:
         return HomogeneityTest(0.0, 0)
-    basis, _ = np.linalg.qr(way[:, identified])
-    prior = np.eye(len(way)) - basis @ basis.T
+    basis, _ = np.linalg.qr(directions[:, identified])
+    prior = np.eye(len(directions)) - basis @ basis.T
     total = prior + sum(run_likelihood.precision for run_likelihood in run_likelihoods)
     centre = np.linalg.pinv(total, hermitian=True) @ sum(
         run_likelihood.linear for run_likelihood in run_likelihoods
     )
     relative = [run_likelihood.around(centre) for run_likelihood in run_likelihoods]
     linear_prior = -prior @ centre
-    full, full_rank = _max_log_likelihood(relative, prior, linear_prior, way[:, identified])
-    restricted, restricted_rank = _max_log_likelihood(relative, prior, linear_prior, way[:, others])
+    full, full_rank = _max_log_likelihood(relative, prior, linear_prior, directions[:, identified])
+    restricted, restricted_rank = _max_log_likelihood(
+        relative, prior, linear_prior, directions[:, others]
+    )
     return HomogeneityTest(2.0 * (full - restricted), full_rank - restricted_rank)
 
 
@@ -195,7 +197,7 @@ def pseudo_inverse(matrix: Array) -> tuple[Array, int]:
 
 
 def estimates_of_runs(
-    run_likelihood: RunLikelihood, way: Array, centre: Array
+    run_likelihood: RunLikelihood, directions: Array, centre: Array
 ) -> tuple[Array, Array]:
     """Estimate the parameters from one run alone, with shared coordinates fixed.
 
@@ -203,7 +205,7 @@ def estimates_of_runs(
     ----------
     run_likelihood : RunLikelihood
         The run.
-    way : (n, 3) array
+    directions : (n, 3) array
         B.
     centre : (n,) array
         Coordinates at which the given values are fixed.
@@ -214,9 +216,9 @@ def estimates_of_runs(
         Logarithm of each parameter relative to ``centre``, and its standard deviation; nan and
         infinite if the run has no information.
     """
-    shift, sd = np.full(way.shape[1], np.nan), np.full(way.shape[1], np.inf)
-    identified = [k for k in range(way.shape[1]) if np.any(way[:, k] != 0.0)]
-    B = way[:, identified]
+    shift, sd = np.full(directions.shape[1], np.nan), np.full(directions.shape[1], np.inf)
+    identified = [k for k in range(directions.shape[1]) if np.any(directions[:, k] != 0.0)]
+    B = directions[:, identified]
     size = np.linalg.norm(B, axis=0)
     unit = B / size
     inverse, rank = pseudo_inverse(unit.T @ run_likelihood.precision @ unit)
@@ -249,7 +251,7 @@ class RandomEffectsPosterior:
 
 
 def fit_random_effects(
-    run_likelihoods: Sequence[RunLikelihood], way: Array, count: int, seed: int
+    run_likelihoods: Sequence[RunLikelihood], directions: Array, count: int, seed: int
 ) -> RandomEffectsPosterior:
     """Draw from the posterior of the mean car and of the spread of runs about it.
 
@@ -257,7 +259,7 @@ def fit_random_effects(
     ----------
     run_likelihoods : sequence of RunLikelihood
         One a run.
-    way : (n, 3) array
+    directions : (n, 3) array
         B.
     count : int
         Number of draws.
@@ -270,63 +272,71 @@ def fit_random_effects(
         The spread of a parameter that is given as exact is zero.
     """
     rng = np.random.default_rng([seed, 5])
-    n, free = way.shape
+    n, free = directions.shape
     total = np.eye(n) + sum(run_likelihood.precision for run_likelihood in run_likelihoods)
     reference = np.linalg.solve(
         total, np.asarray(sum(run_likelihood.linear for run_likelihood in run_likelihoods))
     )
     relative = [run_likelihood.around(reference) for run_likelihood in run_likelihoods]
-    axes = _coarse_axes(run_likelihoods, way, reference)
-    weight = _grid_weights(axes, relative, way, reference)[1]
+    axes = _coarse_axes(run_likelihoods, directions, reference)
+    weight = _grid_weights(axes, relative, directions, reference)[1]
     axes = [
         _refine_axis(axis, mass) for axis, mass in zip(axes, _marginals(axes, weight), strict=True)
     ]
-    nodes, weight = _grid_weights(axes, relative, way, reference)
+    nodes, weight = _grid_weights(axes, relative, directions, reference)
     pick = np.searchsorted(np.cumsum(weight), (rng.random() + np.arange(count)) / count)
     pick = rng.permutation(np.minimum(pick, len(weight) - 1))
     width = np.array([_width(axis) for axis in axes])
     spread = np.exp(nodes[pick] + width * (rng.random((count, free)) - 0.5))
-    mean, root, log_evidence = _given_spread(spread, relative, way, reference)
+    mean, root, log_evidence = _given_spread(spread, relative, directions, reference)
     shift = rng.standard_normal((count, n))
     offset = np.linalg.solve(np.swapaxes(root, 1, 2), shift[:, :, None])[:, :, 0]
     centre = reference + mean + offset
     log_det = np.sum(np.log(np.diagonal(root, axis1=1, axis2=2)), axis=1)
-    density = log_evidence + _log_prior(spread, way) + log_det - 0.5 * np.sum(shift**2, axis=1)
-    next_run = centre + (rng.standard_normal((count, free)) * spread) @ way.T
+    density = (
+        log_evidence + _log_prior(spread, directions) + log_det - 0.5 * np.sum(shift**2, axis=1)
+    )
+    next_run = centre + (rng.standard_normal((count, free)) * spread) @ directions.T
     return RandomEffectsPosterior(centre, spread, next_run, density)
 
 
 def _coarse_axes(
-    run_likelihoods: Sequence[RunLikelihood], way: Array, middle: Array
+    run_likelihoods: Sequence[RunLikelihood], directions: Array, middle: Array
 ) -> list[Array]:
     """Nodes of log τ for each parameter: −∞, then from a negligible spread to the largest."""
     sds = np.array(
-        [estimates_of_runs(run_likelihood, way, middle)[1] for run_likelihood in run_likelihoods]
+        [
+            estimates_of_runs(run_likelihood, directions, middle)[1]
+            for run_likelihood in run_likelihoods
+        ]
     )
     least = np.where(np.isfinite(sds), sds, SPREAD_SCALE).min(axis=0) * _NO_EFFECT
     top = math.log(LARGEST_SPREAD)
     return [
         np.append(-np.inf, np.linspace(math.log(min(low, 0.01)), top, _COARSE) if is_free else [])
-        for low, is_free in zip(least, np.any(way != 0.0, axis=0), strict=True)
+        for low, is_free in zip(least, np.any(directions != 0.0, axis=0), strict=True)
     ]
 
 
-def _log_prior(spread: Array, way: Array) -> Array:
+def _log_prior(spread: Array, directions: Array) -> Array:
     """Log prior (G,) of spreads (G, 3): probability of zero, or density of log τ."""
     some = spread > 0.0
     safe = np.where(some, spread, 1.0) / SPREAD_SCALE
     slab = np.log(safe) - np.log1p(safe**2) + math.log(2.0 / math.pi * (1.0 - SAME))
-    none = np.where(np.any(way != 0.0, axis=0), math.log(SAME), 0.0)
+    none = np.where(np.any(directions != 0.0, axis=0), math.log(SAME), 0.0)
     return np.asarray(np.sum(np.where(some, slab, none), axis=1))
 
 
 def _grid_weights(
-    axes: list[Array], run_likelihoods: Sequence[RunLikelihood], way: Array, middle: Array
+    axes: list[Array], run_likelihoods: Sequence[RunLikelihood], directions: Array, middle: Array
 ) -> tuple[Array, Array]:
     """Nodes (G, 3) of log τ and their posterior weights (G,)."""
     nodes = np.stack([g.ravel() for g in np.meshgrid(*axes, indexing="ij")], axis=1)
     spread = np.exp(nodes)
-    value = _log_prior(spread, way) + _given_spread(spread, run_likelihoods, way, middle)[2]
+    value = (
+        _log_prior(spread, directions)
+        + _given_spread(spread, run_likelihoods, directions, middle)[2]
+    )
     for k, axis in enumerate(axes):
         value += np.where(spread[:, k] > 0.0, math.log(_width(axis) or 1.0), 0.0)
     weight = np.exp(value - value.max())
@@ -357,7 +367,7 @@ def _refine_axis(axis: Array, mass: Array) -> Array:
 
 
 def _given_spread(
-    spread: Array, run_likelihoods: Sequence[RunLikelihood], way: Array, middle: Array
+    spread: Array, run_likelihoods: Sequence[RunLikelihood], directions: Array, middle: Array
 ) -> tuple[Array, Array, Array]:
     """Mean car given each of G spreads: mean (G, n), root of its precision, log evidence (G,).
 
@@ -365,13 +375,13 @@ def _given_spread(
     H − H B W Bᵀ H, where W = D (I + D BᵀHB D)⁻¹ D and D = diag τ.
     """
     count, free = spread.shape
-    n = len(way)
+    n = len(directions)
     precision = np.broadcast_to(np.eye(n), (count, n, n)).copy()
     linear = np.broadcast_to(-middle, (count, n)).copy()
     log_evidence = np.zeros(count)
     for H, h in run_likelihoods:
-        HB, score = H @ way, way.T @ h
-        inner = spread[:, :, None] * (way.T @ HB) * spread[:, None, :] + np.eye(free)
+        HB, score = H @ directions, directions.T @ h
+        inner = spread[:, :, None] * (directions.T @ HB) * spread[:, None, :] + np.eye(free)
         root = np.linalg.cholesky(inner)
         half = np.linalg.solve(root, spread[:, :, None] * np.eye(free))  # W = halfᵀ half
         cross = half @ HB.T

@@ -160,7 +160,7 @@ class Coordinates:
             moved = np.array([float(name == log) for log in self._prior.log_parameters])
             zeta = np.linalg.pinv(self._prior.root) @ moved
             columns.append([*(zeta @ self._prior.identified), *np.zeros(len(self._fractions))])
-        self.way: Array = np.array(columns).T
+        self.directions: Array = np.array(columns).T
         """B (n, p): derivatives of the coordinates by the logarithms of estimated parameters."""
         rows = [self._prior.root[self._prior.log_parameters.index(n)] for n in car.estimated]
         self.slopes: Array = np.column_stack(
@@ -188,14 +188,14 @@ class Coordinates:
         return likelihood_of_run(z.mean(axis=0), np.cov(z, rowvar=False).reshape(2 * z.shape[1:]))
 
 
-def values_of_runs(runs: Sequence[RunLikelihood], way: Array) -> tuple[Array, Array, Array]:
+def values_of_runs(runs: Sequence[RunLikelihood], directions: Array) -> tuple[Array, Array, Array]:
     """Estimate the parameters in every run, with common errors of the given values removed.
 
     Parameters
     ----------
     runs : sequence of RunLikelihood
         R likelihoods over the car's n coordinates.
-    way : (n, p) array
+    directions : (n, p) array
         B; a column of zeros for a parameter that is given as exact.
 
     Returns
@@ -205,17 +205,17 @@ def values_of_runs(runs: Sequence[RunLikelihood], way: Array) -> tuple[Array, Ar
     centre : (n,) array
         Coordinates θ to which the values are relative.
     """
-    n = len(way)
+    n = len(directions)
     precision, linear = np.eye(n), np.zeros(n)
     loadings: list[Array] = []
     for H, h in runs:
-        inverse = np.linalg.pinv(way.T @ H @ way, rcond=1e-12, hermitian=True)
-        loading = inverse @ way.T @ H
-        precision += H - H @ way @ loading
-        linear += h - loading.T @ (way.T @ h)
+        inverse = np.linalg.pinv(directions.T @ H @ directions, rcond=1e-12, hermitian=True)
+        loading = inverse @ directions.T @ H
+        precision += H - H @ directions @ loading
+        linear += h - loading.T @ (directions.T @ h)
         loadings.append(loading)
     centre = np.asarray(np.linalg.solve(precision, linear), dtype=float)
-    estimates = [estimates_of_runs(run, way, centre) for run in runs]
+    estimates = [estimates_of_runs(run, directions, centre) for run in runs]
     value = np.stack([shift for shift, _ in estimates])
     sd = np.stack([sd_of_run for _, sd_of_run in estimates])
     known = np.isfinite(value).all(axis=1)

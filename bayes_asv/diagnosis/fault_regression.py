@@ -425,7 +425,7 @@ def _perturbations(
 def _perturb_holdout(dataset: Dataset, model: FittedModel, current: _Regression) -> Dataset:
     """Return other recordings with the faults as perturbations, along their own motion."""
     for _ in range(_ROUNDS):
-        posterior, z = transfer_frozen(dataset, model, own=False)
+        posterior, z = transfer_frozen(dataset, model, same_runs=False)
         motions = predicted_motions(dataset, posterior, z)
         dataset = replace(dataset, perturbations=_perturbations(dataset, motions, current))
     return dataset

@@ -78,7 +78,7 @@ def squared_distance(dataset: Dataset, one: FittedModel, other: FittedModel) -> 
     predicted = replace(dataset, recordings=recordings)
     modes = []
     for model in (one, other):
-        posterior = predicted.posterior(model.placed_effects, hold=True)
+        posterior = predicted.posterior(model.placed_effects, fixed_noise=True)
         modes.append(fit_model(posterior, model.transfer(posterior.space)).mode)
     # the misfit of ``one`` to its own prediction is due to the initial state alone
     return max(2.0 * (modes[0].log_posterior - modes[1].log_posterior), 0.0)

@@ -260,7 +260,7 @@ def validation_errors(
         if dataset is None or as_given is None:
             continue
         is_fitted = name == "fit"
-        change = compare_errors(dataset, models[0], models[-1], seed, own=is_fitted)
+        change = compare_errors(dataset, models[0], models[-1], seed, same_runs=is_fitted)
         without_engine[name] = change
         if engine is not None:
             before = simulation_residuals(as_given, given.linear, seed).rms
@@ -268,7 +268,7 @@ def validation_errors(
         errors[name] = change
         for j in range(len(effects)):
             of_effects[j][name] = compare_errors(
-                dataset, models[j], models[j + 1], seed, own=is_fitted
+                dataset, models[j], models[j + 1], seed, same_runs=is_fitted
             )
     effects = [replace(e, errors=own) for e, own in zip(effects, of_effects, strict=True)]
     return ValidationErrors(errors, effects, without_engine.get("holdout"))

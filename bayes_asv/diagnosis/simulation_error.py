@@ -100,13 +100,15 @@ class ErrorChange:
         return 1.0 - (self.after**2 - self.floor**2) / above if above > 0.0 else None
 
 
-def transfer_frozen(dataset: Dataset, model: FittedModel, own: bool) -> tuple[Posterior, Array]:
+def transfer_frozen(
+    dataset: Dataset, model: FittedModel, same_runs: bool
+) -> tuple[Posterior, Array]:
     """Transfer a model's car and effects to recordings.
 
-    Effects of a single run are transferred only if the recordings are the model's ``own``.
+    Effects of a single run are transferred only if the recordings are the model's ``same_runs``.
     """
     placed_effects: tuple[PlacedEffect, ...] = tuple(
-        s for s in model.placed_effects if own or s.run is None
+        s for s in model.placed_effects if same_runs or s.run is None
     )
     posterior = dataset.posterior(placed_effects)
     z = model.transfer(posterior.space)
@@ -130,7 +132,7 @@ def _fit_noise(posterior: Posterior, z: Array) -> Array:
 
 
 def simulation_residuals(
-    dataset: Dataset, model: FittedModel, seed: int, *, own: bool = False
+    dataset: Dataset, model: FittedModel, seed: int, *, same_runs: bool = False
 ) -> SimulationResiduals:
     """Simulate recordings by a frozen model and subtract the simulation from the measurement.
 
@@ -142,10 +144,10 @@ def simulation_residuals(
         The model.
     seed : int
         Seed of the simulated noise of the floor.
-    own : bool
+    same_runs : bool
         Whether the model was fitted to these recordings, so that effects of a single run apply.
     """
-    posterior, z = transfer_frozen(dataset, model, own)
+    posterior, z = transfer_frozen(dataset, model, same_runs)
     dimension, scales = _scales(dataset)
     residuals, times, floors = [], [], []
     for run, recording in enumerate(dataset.recordings):
@@ -212,7 +214,7 @@ def compare_errors(
     after: FittedModel,
     seed: int,
     *,
-    own: bool = False,
+    same_runs: bool = False,
     perturbed: Dataset | None = None,
 ) -> ErrorChange:
     """Compare the simulation errors of two frozen models.
@@ -223,12 +225,14 @@ def compare_errors(
     ----------
     before, after : FittedModel
         Models before and after the change.
-    dataset, seed, own
+    dataset, seed, same_runs
         As in :func:`simulation_residuals`; the seed is also that of the bootstrap.
     perturbed : Dataset, optional
         The same recordings with an unlisted fault, for the model ``after``.
     """
-    one = simulation_residuals(dataset, before, seed, own=own)
-    two = simulation_residuals(dataset if perturbed is None else perturbed, after, seed, own=own)
+    one = simulation_residuals(dataset, before, seed, same_runs=same_runs)
+    two = simulation_residuals(
+        dataset if perturbed is None else perturbed, after, seed, same_runs=same_runs
+    )
     floor, worse = min(one.floor, two.floor), error_increased(one, two, seed)
     return ErrorChange(one.rms, two.rms, floor, worse, one.dimension)

@@ -93,7 +93,7 @@ def _errors_with(
             continue
         is_fitted = name == "fit"
         error = compare_errors(
-            dataset, assessed.model, model, seed, own=is_fitted, perturbed=perturbed
+            dataset, assessed.model, model, seed, same_runs=is_fitted, perturbed=perturbed
         )
         if error.worse or (not is_fitted and error.after >= error.before):
             return {}

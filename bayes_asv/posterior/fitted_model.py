@@ -73,11 +73,17 @@ class Dataset:
             )
         )
 
-    def posterior(self, placed_effects: tuple[PlacedEffect, ...], hold: bool = False) -> Posterior:
+    def posterior(
+        self, placed_effects: tuple[PlacedEffect, ...], fixed_noise: bool = False
+    ) -> Posterior:
         """Posterior of a model with effects; noise near its declared levels, or fixed there."""
-        fixed_runs = frozenset(range(len(self.recordings))) if hold else frozenset()
+        fixed_runs = frozenset(range(len(self.recordings))) if fixed_noise else frozenset()
         parameter_space = make_parameter_space(
-            self.vehicle, self.recordings, hold=fixed_runs, placed_effects=placed_effects, near=True
+            self.vehicle,
+            self.recordings,
+            fixed_noise_runs=fixed_runs,
+            placed_effects=placed_effects,
+            tight_noise=True,
         )
         return Posterior(
             parameter_space, (WHITE,) * len(self.recordings),

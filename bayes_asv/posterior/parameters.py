@@ -475,9 +475,9 @@ def make_parameter_space(
     vehicle: Vehicle,
     recordings: tuple[PreparedRecording, ...],
     likelihood: str = "innovations",
-    hold: frozenset[int] = frozenset(),
+    fixed_noise_runs: frozenset[int] = frozenset(),
     placed_effects: tuple[PlacedEffect, ...] = (),
-    near: bool = False,
+    tight_noise: bool = False,
 ) -> ParameterSpace:
     """Set up the coordinates for a vehicle and its recordings.
 
@@ -489,12 +489,12 @@ def make_parameter_space(
         The recordings, in order, all of one car.
     likelihood : str
         ``innovations``, or ``output-error`` and ``coloured`` in which inputs have no noise.
-    hold : frozenset of int
+    fixed_noise_runs : frozenset of int
         Runs whose noise levels are fixed at the centre of their prior: with a residual
         autoregression they only shape the filter, and the autoregression sets the scale.
     placed_effects : tuple of PlacedEffect
         Effects that the car and its sensors have.
-    near : bool
+    tight_noise : bool
         Bound noise levels near the declared ones.
 
     Returns
@@ -543,10 +543,10 @@ def make_parameter_space(
         if any(placed.effect.travel and element.is_at(placed.where) for placed in placed_effects)
     ]
     noise_levels = []
-    sensors = _sensors(recordings, hold)
+    sensors = _sensors(recordings, fixed_noise_runs)
     for run, recording in enumerate(recordings):
         levels = np.zeros(len(recording.channels))
-        samples_noise = run not in hold and sensors[run] == run
+        samples_noise = run not in fixed_noise_runs and sensors[run] == run
         for c, channel in enumerate(recording.channels):
             if likelihood != "innovations" and channel.is_input:
                 continue
@@ -554,7 +554,7 @@ def make_parameter_space(
             levels[c] = noise_level(recording, c) if noise is None else noise
             if samples_noise:
                 sd = NOISE_UNKNOWN_SD if noise is None else NOISE_GIVEN_SD
-                if near and noise is not None:
+                if tight_noise and noise is not None:
                     sd = _NEAR_SD
                 coordinates.append(
                     Coordinate(
@@ -569,7 +569,7 @@ def make_parameter_space(
         noise_levels.append(levels)
         filtered = likelihood == "innovations" and bool(np.any(recording.poles > 0.0))
         if filtered and samples_noise:
-            width = _NEAR_SHARE if near else 1.0
+            width = _NEAR_SHARE if tight_noise else 1.0
             coordinates.append(
                 Coordinate("filtered_share", f"filtered share {run}", 0.0, width, run=run)
             )
@@ -587,15 +587,19 @@ def make_parameter_space(
         held=tuple(noise_levels),
         placed_effects=placed_effects,
         sizes=effect_scale(car),
-        tight_noise=near,
+        tight_noise=tight_noise,
         sensors=sensors,
     )
 
 
-def _sensors(recordings: tuple[PreparedRecording, ...], hold: frozenset[int]) -> tuple[int, ...]:
+def _sensors(
+    recordings: tuple[PreparedRecording, ...], fixed_noise_runs: frozenset[int]
+) -> tuple[int, ...]:
     """Find the first run of each run's log, among those whose noise levels are not fixed."""
     first: dict[str, int] = {}
     return tuple(
-        run if run in hold or not one.log_sha256 else first.setdefault(one.log_sha256, run)
+        run
+        if run in fixed_noise_runs or not one.log_sha256
+        else first.setdefault(one.log_sha256, run)
         for run, one in enumerate(recordings)
     )

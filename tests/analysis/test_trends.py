@@ -129,7 +129,7 @@ def test_too_few_recordings_have_no_trend() -> None:
 def _runs(seed: int, count: int, error: Array | None) -> tuple[list[RunLikelihood], Array, Array]:
     """Likelihoods of runs that share the errors of the given values, B, and what is true."""
     car = car_model("half", asv.read_vehicle(asv.example("baja2008.toml")))
-    way = Coordinates(car).way
+    way = Coordinates(car).directions
     n = len(way)
     rng = np.random.default_rng(seed)
     theta = rng.standard_normal(n) if error is None else error

@@ -221,7 +221,7 @@ def _document(
         u = rng.normal(0.0, 0.01, 3)
         for name, level in change.items():
             u[names.index(name)] += level[k]
-        H = 1e6 * np.eye(len(coordinates.way))
+        H = 1e6 * np.eye(len(coordinates.directions))
         key = f"{k:032d}"
         files.append(SeasonFile(f"season/{day:%Y-%m-%d}/run<{k}>.csv", key * 2, key))
         nominal = (7.2, 10.0, 626.0)
@@ -231,7 +231,7 @@ def _document(
                 name: {"mean": x, "sd": 0.01 * x, "eti95": [0.98 * x, 1.02 * x]}
                 for name, x in zip(names, nominal * np.exp(u), strict=True)
             },
-            "precision": H.tolist(), "linear": (H @ (coordinates.way @ u)).tolist(),
+            "precision": H.tolist(), "linear": (H @ (coordinates.directions @ u)).tolist(),
         }  # fmt: skip
     files += [SeasonFile("season/x.csv", "", "", "cannot be read (no permission)")]
     files += [SeasonFile("season/y-2026-05-05.csv", "b", "killed")]

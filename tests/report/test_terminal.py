@@ -69,7 +69,7 @@ def test_an_interval_of_more_than_a_factor_of_ten_has_no_mean() -> None:
     """Neither in the table nor in the sentence; the interval itself is stated."""
     document = load("us")
     wide = document.parameters["c_f"]
-    wide.mean, wide.sd, wide.eti95 = 41.7, 60.3, (1.3, 104.0)
+    wide.mean, wide.sd, wide.eti95 = 41.7, 60.3, [1.3, 104.0]
     text = shown(document, verdict_lines(document))
     assert "not determined" in text
     assert interval(wide, 1) in text
@@ -78,7 +78,7 @@ def test_an_interval_of_more_than_a_factor_of_ten_has_no_mean() -> None:
     assert parameters is not None
     row = next(row for row in parameters.rows if row[0].startswith("Front damping rate"))
     assert row[1:3] == ["not determined", "–"]
-    wide.eti95 = (10.5, 104.0)
+    wide.eti95 = [10.5, 104.0]
     assert "not determined" not in shown(document, verdict_lines(document))
 
 

@@ -109,7 +109,7 @@ class UncertaintyBudget:
     given_sd: Array
     slopes: dict[str, Array] = field(default_factory=dict)
 
-    def by_answer(self, moved: Array) -> dict[str, float]:
+    def by_parameter(self, moved: Array) -> dict[str, float]:
         """Relative shift of each parameter of interest, given shifts of the parameters (P,)."""
         return {name: float(g @ moved) for name, g in self.slopes.items()}
 

@@ -219,18 +219,18 @@ class Effect:
         assert self.tolerance_values is not None
         return {p.name: self.tolerance_values[p.name] * p.size(scale) for p in self.parameters}
 
-    def in_tolerances(self, values: Mapping[str, float], little: Mapping[str, float]) -> float:
+    def in_tolerances(self, values: Mapping[str, float], tolerance: Mapping[str, float]) -> float:
         """Return the size of the effect in tolerances.
 
         Parameters
         ----------
-        values, little : mapping
+        values, tolerance : mapping
             Parameter values, and those at one tolerance, SI units.
         """
         if self.tolerance_ratio is not None:
-            return self.tolerance_ratio(values, little)
+            return self.tolerance_ratio(values, tolerance)
         first = self.parameters[0]
-        value, one = values[first.name], little[first.name]
+        value, one = values[first.name], tolerance[first.name]
         return math.log(value) / math.log(one) if first.form == "log" else value / one
 
 

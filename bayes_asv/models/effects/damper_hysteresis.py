@@ -19,8 +19,8 @@ from bayes_asv.models.effects.base import AXLES, BOTH, Effect, Parameter
 __all__ = ["EFFECT"]
 
 
-def _compliance_ratio(values: Mapping[str, float], little: Mapping[str, float]) -> float:
-    return little["stiffness"] / values["stiffness"]
+def _compliance_ratio(values: Mapping[str, float], tolerance: Mapping[str, float]) -> float:
+    return tolerance["stiffness"] / values["stiffness"]
 
 
 def _packed(values: Mapping[str, float]) -> tuple[float, ...]:

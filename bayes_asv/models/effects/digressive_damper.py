@@ -36,15 +36,15 @@ def _scaled_to_speed(values: Mapping[str, float], travel: float, speed: float) -
     return {**values, "knee": min(values["knee"], _KNEE_RATIO * max(speed, _MIN_SPEED))}
 
 
-def _loss_ratio(values: Mapping[str, float], little: Mapping[str, float]) -> float:
+def _loss_ratio(values: Mapping[str, float], tolerance: Mapping[str, float]) -> float:
     """Ratio of the losses of force at the speed at which one tolerance loses 2 %."""
-    speed = little["knee"] / _KNEE_RATIO
+    speed = tolerance["knee"] / _KNEE_RATIO
 
     def loss(law: Mapping[str, float]) -> float:
         p = law["sharpness"]
         return float(-np.expm1(-np.log1p((speed / law["knee"]) ** p) / p))
 
-    return loss(values) / loss(little)
+    return loss(values) / loss(tolerance)
 
 
 EFFECT = Effect(

@@ -319,7 +319,7 @@ def _uncertainty_budget(
             larger_shows=bool(shift.shows),
             shift={
                 name: schema.Shift(percent=100.0 * value, sd=value / width.estimands[name].sd)
-                for name, value in width.by_answer(shift.moved).items()
+                for name, value in width.by_parameter(shift.moved).items()
             },
         )
     return schema.UncertaintyBudget(
@@ -329,7 +329,7 @@ def _uncertainty_budget(
 
 def _answer_budget(
     name: str, budget: EstimandBudget, width: UncertaintyBudget, result: EstimationResult
-) -> schema.AnswerBudget:
+) -> schema.ParameterBudget:
     halve = []
     for remedy in budget.remedies:
         measures = [_measure(source, remedy.times, width, result) for source in remedy.sources]
@@ -340,7 +340,7 @@ def _answer_budget(
                 sentence=remedy_sentence(measures, [name], width.runs),
             )
         )
-    return schema.AnswerBudget(
+    return schema.ParameterBudget(
         sd_percent=100.0 * budget.sd,
         posterior_sd_percent=100.0 * float(np.log(result.draws[name]).std(ddof=1)),
         shares=budget.shares,

@@ -227,7 +227,7 @@ def _trends(
     epoch = datetime(1970, 1, 1)
     dates = [datetime.fromisoformat(row.date) - epoch for row, _ in used]
     days = np.array([date.total_seconds() / 86400.0 for date in dates])
-    value, sd, centre = values_of_runs(runs, coordinates.way)
+    value, sd, centre = values_of_runs(runs, coordinates.directions)
     value += coordinates.slopes @ centre
     found, warnings = {}, []
     for element in model.elements:

@@ -47,7 +47,6 @@ from bayes_asv.report.schema.parts import (
 from bayes_asv.report.schema.track import TrackDocument
 
 __all__ = [
-    "AnswerBudget",
     "Check",
     "Element",
     "EstimateDocument",
@@ -55,6 +54,7 @@ __all__ = [
     "LogEvent",
     "LongLog",
     "Measure",
+    "ParameterBudget",
     "Run",
     "RunConsistency",
     "UncertaintyBudget",
@@ -109,7 +109,7 @@ class Remedy(Model):
     sentence: Text = ""
 
 
-class AnswerBudget(Model):
+class ParameterBudget(Model):
     """Where the variance of one answer comes from."""
 
     sd_percent: NonNegative
@@ -149,10 +149,10 @@ class Fault(Model):
     shift: dict[QuantityName, Shift]
 
 
-class UncertaintyBudget(ByName[AnswerBudget]):
+class UncertaintyBudget(ByName[ParameterBudget]):
     """Uncertainty budget of every answer, by its name."""
 
-    __pydantic_extra__: dict[QuantityName, AnswerBudget]
+    __pydantic_extra__: dict[QuantityName, ParameterBudget]
     faults: Annotated[dict[Text, Fault], Field(max_length=100)] = Field(default_factory=dict)
     white: bool
     """Whether the residuals are as white as the sensors' noise."""

@@ -9,7 +9,7 @@ from bayes_asv.domain.quantities import QUANTITIES
 from bayes_asv.domain.units import from_si, to_si
 from bayes_asv.report import svg
 from bayes_asv.report.schema import EstimateDocument
-from bayes_asv.report.schema.estimate import AnswerBudget, Measure, UncertaintyBudget
+from bayes_asv.report.schema.estimate import Measure, ParameterBudget, UncertaintyBudget
 from bayes_asv.report.sections.blocks import Block, Figure, Section, Table, Text
 from bayes_asv.report.words import (
     LABELS,
@@ -112,7 +112,7 @@ def _budget_limits(document: EstimateDocument) -> list[str]:
 SECTION: Final = Section(_content, _budget_limits, title="Uncertainty budget")
 
 
-def usable_budgets(width: UncertaintyBudget | None) -> dict[str, AnswerBudget]:
+def usable_budgets(width: UncertaintyBudget | None) -> dict[str, ParameterBudget]:
     """Budgets of the parameters whose posterior is nearly normal, by name."""
     return {
         name: budget
@@ -122,7 +122,7 @@ def usable_budgets(width: UncertaintyBudget | None) -> dict[str, AnswerBudget]:
     }  # fmt: skip
 
 
-def _all_budgets(width: UncertaintyBudget | None) -> dict[str, AnswerBudget]:
+def _all_budgets(width: UncertaintyBudget | None) -> dict[str, ParameterBudget]:
     budgets = {} if width is None else width.entries
     return {name: budget for name, budget in budgets.items() if budget.sd_percent > 0.0}
 
@@ -247,7 +247,7 @@ def _cause_sentence(
     source: str,
     sensor: str,
     names: Sequence[str],
-    budgets: Mapping[str, AnswerBudget],
+    budgets: Mapping[str, ParameterBudget],
     document: EstimateDocument,
 ) -> str:
     """One sentence about parameters whose uncertainty has the same main cause."""
@@ -296,7 +296,7 @@ def _by_sensor(noises: Mapping[str, float]) -> dict[str, float]:
     return out
 
 
-def _budget_table(budgets: Mapping[str, AnswerBudget]) -> Table:
+def _budget_table(budgets: Mapping[str, ParameterBudget]) -> Table:
     """Share of every source in each variance, and the standard deviation without it."""
     rows = [["Standard deviation", *(f"({sd_text(b.sd_percent)})" for b in budgets.values())]]
     for source in _sources(budgets):
@@ -308,7 +308,7 @@ def _budget_table(budgets: Mapping[str, AnswerBudget]) -> Table:
     return Table("Uncertainty budget", columns, rows, _BUDGET_NOTE)
 
 
-def _sources(budgets: Mapping[str, AnswerBudget]) -> list[str]:
+def _sources(budgets: Mapping[str, ParameterBudget]) -> list[str]:
     """List the sources that matter to any parameter, in the order of the document."""
     order: dict[str, None] = {}
     for budget in budgets.values():
@@ -317,21 +317,21 @@ def _sources(budgets: Mapping[str, AnswerBudget]) -> list[str]:
     return [s for s in order if any(_matters(s, budget) for budget in budgets.values())]
 
 
-def _matters(source: str, budget: AnswerBudget) -> bool:
+def _matters(source: str, budget: ParameterBudget) -> bool:
     improved = _improved(source, budget)
     narrower = improved is not None and improved < (1.0 - _MIN_GAIN) * budget.sd_percent
     return narrower or (_share(source, budget) or 0.0) >= _MIN_SHARE
 
 
-def _share(source: str, budget: AnswerBudget) -> float | None:
+def _share(source: str, budget: ParameterBudget) -> float | None:
     return budget.noises.get(source, budget.shares.get(source))
 
 
-def _improved(source: str, budget: AnswerBudget) -> float | None:
+def _improved(source: str, budget: ParameterBudget) -> float | None:
     return budget.exact_sd_percent.get(source, budget.better_sd_percent.get(source))
 
 
-def _cell(source: str, budget: AnswerBudget) -> str:
+def _cell(source: str, budget: ParameterBudget) -> str:
     share, improved = _share(source, budget), _improved(source, budget)
     parts = []
     if share is not None:
@@ -341,7 +341,7 @@ def _cell(source: str, budget: AnswerBudget) -> str:
     return " ".join(parts) or MISSING
 
 
-def _budget_bars(budgets: Mapping[str, AnswerBudget]) -> svg.Panel:
+def _budget_bars(budgets: Mapping[str, ParameterBudget]) -> svg.Panel:
     """Draw a bar for each parameter, divided into the shares of its variance."""
     names = list(budgets)
     parts = {name: _bar_parts(budget) for name, budget in budgets.items()}
@@ -377,7 +377,7 @@ def _budget_bars(budgets: Mapping[str, AnswerBudget]) -> svg.Panel:
     return svg.panel(figure, "width", "sources of the variance of each answer", wide=True)
 
 
-def _bar_parts(budget: AnswerBudget) -> dict[str, float]:
+def _bar_parts(budget: ParameterBudget) -> dict[str, float]:
     parts = dict.fromkeys(("given", "wheel", "chassis", "sensors"), 0.0)
     for name, share in budget.shares.items():
         if name != "data":

@@ -7,7 +7,7 @@ from typing import Final
 
 from bayes_asv.domain.units import INCH
 from bayes_asv.report.schema import EstimateDocument
-from bayes_asv.report.schema.estimate import AnswerBudget, Fault, Shift
+from bayes_asv.report.schema.estimate import Fault, ParameterBudget, Shift
 from bayes_asv.report.sections.blocks import Block, Section, Table
 from bayes_asv.report.sections.uncertainty_budget import answers_text, sd_text, usable_budgets
 from bayes_asv.report.words import LABELS, capitalized, number, two_digits
@@ -97,7 +97,7 @@ def fault_text(fault: Fault, units: str, *, brief: bool = False) -> str:
 
 
 def _fault_table(
-    faults: Mapping[str, Fault], budgets: Mapping[str, AnswerBudget], units: str
+    faults: Mapping[str, Fault], budgets: Mapping[str, ParameterBudget], units: str
 ) -> Table:
     """Bias of each estimate by each fault."""
     rows = [

@@ -99,7 +99,7 @@ def moved_and_predicted(of: Case, kind: str, where: str) -> tuple[Answers, Answe
     shift = next(s for s in of.width.shifts if (s.kind, s.where) == (kind, where))
     before = answers(of.fit)
     after = answers(fitted(of.car, driven(faulty(STEPLESS, shift), 7, of.sds)))
-    predicted = of.width.by_answer(shift.moved)
+    predicted = of.width.by_parameter(shift.moved)
     sd = {name: of.width.estimands[name].sd for name in predicted}
     return (
         {name: (after[name] - before[name]) / sd[name] for name in sd},
@@ -135,7 +135,7 @@ def test_a_value_wrongly_given_as_exact_moves_the_answer_as_predicted(name: str)
     given = getattr(car, name)
     wrong = replace(car, **{name: replace(given, value=given.value / (1.0 + shift.size))})
     after, before = answers(fitted(wrong, recording)), answers(fit)
-    for answer, predicted in width.by_answer(shift.moved).items():
+    for answer, predicted in width.by_parameter(shift.moved).items():
         sd = width.estimands[answer].sd
         came = (after[answer] - before[answer]) / sd
         assert came == pytest.approx(predicted / sd, rel=0.05, abs=0.25), answer
