@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 import math
-from collections.abc import Callable
 from dataclasses import dataclass, field
 from functools import cached_property
 
@@ -34,7 +33,6 @@ from bayes_asv.preprocessing.prepared_recording import PreparedRecording
 __all__ = ["EstimationResult", "RunFit"]
 
 Array = NDArray[np.float64]
-Progress = Callable[[float, str], None]
 
 
 @dataclass(frozen=True)

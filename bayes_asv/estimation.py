@@ -5,7 +5,7 @@ from __future__ import annotations
 import importlib
 import math
 import time
-from collections.abc import Callable, Sequence
+from collections.abc import Sequence
 from concurrent.futures import ThreadPoolExecutor
 from dataclasses import replace
 from types import ModuleType
@@ -31,6 +31,7 @@ from bayes_asv.analysis.run_consistency import (
 from bayes_asv.analysis.spring_curves import spring_curves
 from bayes_asv.analysis.uncertainty_budget import find_budget
 from bayes_asv.domain.clocks import Clock, check_clocks, clock_of_group, declared_clocks
+from bayes_asv.domain.progress import Progress
 from bayes_asv.domain.recording import Recording
 from bayes_asv.domain.vehicle import Vehicle
 from bayes_asv.estimate_result import EstimationResult, RunFit
@@ -50,7 +51,6 @@ from bayes_asv.preprocessing.run_preparation import nothing_in, prepare_runs, se
 __all__ = ["LIKELIHOODS", "estimate"]
 
 Array = NDArray[np.float64]
-Progress = Callable[[float, str], None]
 
 LIKELIHOODS = ("innovations", "output-error")
 
@@ -160,7 +160,7 @@ class _ModeAndChecks(NamedTuple):
         The mode; None if nothing could be fitted, or if the runs are inconsistent.
     run_consistency : RunConsistency or None
         Comparison of the runs, if there are several.
-    timed : ClockAlignment or None
+    alignment : ClockAlignment or None
         The recordings with aligned clocks, if clock errors are declared.
     prepared : bool
         Whether the recordings could be prepared.
@@ -175,7 +175,7 @@ class _ModeAndChecks(NamedTuple):
 
     map_fit: MapFit | None
     run_consistency: RunConsistency | None
-    timed: ClockAlignment | None
+    alignment: ClockAlignment | None
     prepared: bool
     reasons: tuple[str, ...]
     warnings: tuple[str, ...]
@@ -233,14 +233,14 @@ def _fit_runs(task: _Task, clocks: tuple[Clock, ...]) -> _ModeAndChecks:
         return _ModeAndChecks(None, None, None, bool(prepared), reasons, warnings)
     task.report(0.0, "checking what the recordings can tell")
     unidentified = unidentified_before_fit(prepared, vehicle)
-    timed, run_consistency = None, None
+    alignment, run_consistency = None, None
     if clocks:
         task.report(0.0, "comparing the clocks")
-        timed = align_clocks(
+        alignment = align_clocks(
             task.recordings, vehicle, clocks, task.below, task.car.name, likelihood
         )
-        prepared = timed.prepared
-    ambiguity = () if timed is None or timed.ambiguity is None else (timed.ambiguity,)
+        prepared = alignment.prepared
+    ambiguity = () if alignment is None or alignment.ambiguity is None else (alignment.ambiguity,)
     task.report(0.0, "looking for the best fit")
     if (
         len(prepared) > 1
@@ -254,28 +254,32 @@ def _fit_runs(task: _Task, clocks: tuple[Clock, ...]) -> _ModeAndChecks:
         warnings += run_consistency.warnings
         notes = (*unidentified, *ambiguity)
         return _ModeAndChecks(
-            None, run_consistency, timed, True, run_consistency.reasons, warnings, notes
+            None, run_consistency, alignment, True, run_consistency.reasons, warnings, notes
         )
     map_fit = (
         best_fit(prepared, vehicle, likelihood, placed_effects)
-        if timed is None
-        else fit_aligned(timed, placed_effects)
+        if alignment is None
+        else fit_aligned(alignment, placed_effects)
     )
     # identifiability at the mode replaces that at nominal values
     notes = (*(() if map_fit.mode.converged else unidentified), *ambiguity)
-    return _ModeAndChecks(map_fit, run_consistency, timed, True, map_fit.reasons, warnings, notes)
+    return _ModeAndChecks(
+        map_fit, run_consistency, alignment, True, map_fit.reasons, warnings, notes
+    )
 
 
 def _add_checks(task: _Task, fit: _ModeAndChecks) -> _ModeAndChecks:
     """Check the model and the input at the mode."""
     map_fit, error, input_check = fit.map_fit, None, None
-    full_likelihood = task.below is None and task.likelihood == "innovations" and fit.timed is None
+    full_likelihood = (
+        task.below is None and task.likelihood == "innovations" and fit.alignment is None
+    )
     if full_likelihood and map_fit is not None and (map_fit.misfit_reasons or task.placed_effects):
         map_fit, error = _refit_with_model_error(map_fit, task.vehicle)
     reasons = fit.reasons if map_fit is None else map_fit.reasons
     if task.below is None and not task.placed_effects and fit.prepared:
         task.report(0.05, "checking the input")
-        at_mode = task.recordings if fit.timed is None else fit.timed.recordings
+        at_mode = task.recordings if fit.alignment is None else fit.alignment.recordings
         input_check = check_input(at_mode, task.vehicle, task.car.name, refused=bool(reasons))
     if (
         full_likelihood
@@ -286,8 +290,8 @@ def _add_checks(task: _Task, fit: _ModeAndChecks) -> _ModeAndChecks:
     ):
         map_fit, error = _refit_with_model_error(map_fit, task.vehicle)
     fit_warnings = () if map_fit is None else map_fit.warnings
-    if fit.timed is not None and fit.timed.ambiguity is not None:
-        input_check = input_check or InputCheck((), fit.timed.ambiguity)
+    if fit.alignment is not None and fit.alignment.ambiguity is not None:
+        input_check = input_check or InputCheck((), fit.alignment.ambiguity)
     return fit._replace(
         map_fit=map_fit,
         reasons=reasons,
@@ -315,7 +319,7 @@ def _sample(
         ensembles = sampler.independent_draws(posterior, cars.reshape(*_INDEPENDENT_DRAWS, -1))
     else:
         # the expansion in clock errors is too inaccurate for nonlinear force laws
-        exact_form = fit.timed is None or bool(task.placed_effects)
+        exact_form = fit.alignment is None or bool(task.placed_effects)
         ensembles = sampler.sample_posterior(
             posterior
             if exact_form
@@ -343,7 +347,7 @@ def _sample(
         )
     dampers = damping_rates(posterior, map_fit.mode.z, flat, draws)
     warnings += tuple(_free_curve_warning(damper) for damper in dampers if damper.free_form)
-    clocks_known = fit.timed is None or not any(fit.timed.modes)
+    clocks_known = fit.alignment is None or not any(fit.alignment.modes)
     is_linear = clocks_known and not task.placed_effects and fit.model_error is None
     return EstimationResult(
         verdict="ok" if ensembles.converged else "not_converged",

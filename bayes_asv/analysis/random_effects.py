@@ -25,6 +25,7 @@ from scipy.special import gammaincc
 
 __all__ = [
     "LARGEST_SPREAD",
+    "MIN_INFORMATION",
     "SAME",
     "SPREAD_SCALE",
     "HomogeneityTest",
@@ -56,7 +57,7 @@ adjusted front damper implies nothing about the rear one."""
 _NO_EFFECT = 0.03
 _MIN_VARIANCE = 1e-16  # lower bound of a posterior variance, in prior variances
 # Information of a run about a direction, relative to the prior's, below which it is set to zero.
-_MIN_INFORMATION = 0.1
+MIN_INFORMATION = 0.1
 _COARSE, _FINE = 11, 21  # nodes for each τ on the first and on the final grid
 _EDGE = 1e-4  # probability mass that the final grid may omit at either end
 
@@ -118,7 +119,7 @@ def likelihood_of_run(mean: Array, covariance: Array) -> RunLikelihood:
     """
     eigen, vectors = np.linalg.eigh(0.5 * (covariance + covariance.T))
     information = 1.0 / np.maximum(eigen, _MIN_VARIANCE) - 1.0
-    is_informative = information > _MIN_INFORMATION
+    is_informative = information > MIN_INFORMATION
     information = np.where(is_informative, information, 0.0)
     # the mean of the likelihood is that of the posterior, without the shrinkage by the prior
     linear = np.where(is_informative, (vectors.T @ mean) * (1.0 + information), 0.0)
@@ -191,7 +192,7 @@ def pseudo_inverse(matrix: Array) -> tuple[Array, int]:
         return matrix, 0
     eigen, vectors = np.linalg.eigh(0.5 * (matrix + matrix.T))
     # differences of large precisions have rounding errors
-    is_informative = eigen > max(0.5 * _MIN_INFORMATION, 1e-9 * float(eigen[-1]))
+    is_informative = eigen > max(0.5 * MIN_INFORMATION, 1e-9 * float(eigen[-1]))
     inverse = np.where(is_informative, 1.0 / np.where(is_informative, eigen, 1.0), 0.0)
     return (vectors * inverse) @ vectors.T, int(np.count_nonzero(is_informative))
 

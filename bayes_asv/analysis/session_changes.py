@@ -37,6 +37,7 @@ from numpy.typing import NDArray
 from scipy.special import gammaincc, ndtr
 
 from bayes_asv.analysis.random_effects import (
+    MIN_INFORMATION,
     SAME,
     HomogeneityTest,
     RunLikelihood,
@@ -55,7 +56,6 @@ Array = NDArray[np.float64]
 UNCHANGED = SAME
 """Prior probability that a parameter did not change, independently for each one."""
 
-_MIN_INFORMATION = 0.1
 """Information about a change, relative to its prior's, below which it is not tested."""
 
 
@@ -182,14 +182,14 @@ def session_changes(before: Session, after: Session) -> SessionChanges:
 def _tests(precision: Array, linear: Array) -> tuple[Array, float]:
     """p-values of likelihood-ratio tests of u_k = 0, one by one and all together."""
     eigen, vectors = np.linalg.eigh(precision)
-    informative = eigen > _MIN_INFORMATION / CHANGE_SD**2
+    informative = eigen > MIN_INFORMATION / CHANGE_SD**2
     if not np.any(informative):
         return np.full(len(linear), np.nan), math.nan
     square = (vectors.T @ linear)[informative] ** 2 / eigen[informative]
     p_all = float(gammaincc(0.5 * np.count_nonzero(informative), 0.5 * square.sum()))
     covariance = (vectors / np.maximum(eigen, 1e-12 * eigen[-1])) @ vectors.T
     variance = np.diag(covariance)
-    determined = variance < CHANGE_SD**2 / _MIN_INFORMATION
+    determined = variance < CHANGE_SD**2 / MIN_INFORMATION
     z = np.where(determined, covariance @ linear, np.nan) / np.sqrt(variance)
     return np.asarray(2.0 * ndtr(-np.abs(z))), p_all
 

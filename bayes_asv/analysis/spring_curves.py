@@ -16,6 +16,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from bayes_asv.analysis.curve_shapes import SLOWEST, CurveShape, curve_shapes, log_bend, ratio
+from bayes_asv.analysis.damping_rates import MAX_DRAWS
 from bayes_asv.filters.force_laws import excess_many
 from bayes_asv.posterior.effects import law_table
 from bayes_asv.posterior.likelihood import Posterior
@@ -26,7 +27,6 @@ Array = NDArray[np.float64]
 
 # Largest number of draws for which curves are computed; their 95 % intervals are accurate to a
 # twentieth of their width.
-_MAX_DRAWS = 2000
 _DEEPEST = 0.99  # quantile of the travel on either side up to which the shape is described
 # Ratio of slopes above which a curve is stiffening or softening: twice a spring's tolerance.
 _BENT = 1.1
@@ -96,7 +96,7 @@ def spring_curves(
         return ()
     runs = range(len(space.recordings))
     states = [posterior.innovations_and_variances(mode, run)[2] for run in runs]
-    picked = np.linspace(0, len(z) - 1, min(len(z), _MAX_DRAWS)).astype(int)
+    picked = np.linspace(0, len(z) - 1, min(len(z), MAX_DRAWS)).astype(int)
     tables = []
     for one in z[picked]:
         values = space.effects(one)

@@ -30,8 +30,8 @@ from bayes_asv.filters.kalman import VALUE
 from bayes_asv.models.effects import BOTH, EFFECTS
 from bayes_asv.posterior.fitted_model import Dataset, FittedModel, make_dataset
 from bayes_asv.posterior.free_simulation import free_run
-from bayes_asv.preprocessing.missing_band import frequency_response
 from bayes_asv.preprocessing.prepared_recording import PreparedRecording
+from bayes_asv.preprocessing.removed_band import frequency_response
 from bayes_asv.preprocessing.tone_removal import (
     IDLE_FREQUENCY,
     Notch,

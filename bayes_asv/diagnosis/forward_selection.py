@@ -6,7 +6,7 @@ differs by less than noise would hide, or if the data prefer neither.
 
 from __future__ import annotations
 
-from collections.abc import Callable, Collection
+from collections.abc import Collection
 from dataclasses import dataclass, replace
 from itertools import pairwise
 from typing import NamedTuple
@@ -45,6 +45,7 @@ from bayes_asv.diagnosis.thresholds import (
 )
 from bayes_asv.diagnosis.tolerance_prior import ModelEvidence
 from bayes_asv.diagnosis.unlisted_faults import best_unlisted_explanation
+from bayes_asv.domain.progress import Progress
 from bayes_asv.posterior.effect_fit import Candidate, fit_with_effect
 from bayes_asv.posterior.fitted_model import Dataset, FittedModel, fit_again, fit_model
 from bayes_asv.posterior.free_simulation import free_run
@@ -176,8 +177,6 @@ def _fit_in_place(
 
 
 Array = NDArray[np.float64]
-Progress = Callable[[float, str], None]
-"""Called with the share of the work that is done, and a description of the next step."""
 
 _TINY = 1e-12  # lower bound of a probability in a denominator
 
@@ -196,7 +195,7 @@ class Selection:
         Models of the last step, weighted by their probabilities.
     p_none : float
         Probability that nothing beyond tolerances is missing, before the first effect was named.
-    other_cause : bool
+    engine_found : bool
         Whether a cause that is no effect of the model was found (an engine), so that any effect is
         a further one.
     stopped_by : str
@@ -207,7 +206,7 @@ class Selection:
     effects: tuple[NamedEffect, ...]
     posteriors: list[WeightedPosterior]
     p_none: float
-    other_cause: bool = False
+    engine_found: bool = False
     stopped_by: str = ""
 
 
@@ -238,10 +237,10 @@ class _Step(NamedTuple):
     stopped_by: str
 
 
-def start_selection(assessed: AssessedModel, *, other_cause: bool = False) -> Selection:
+def start_selection(assessed: AssessedModel, *, engine_found: bool = False) -> Selection:
     """Return a selection without any effects."""
     posteriors = weighted_posterior(assessed.model, assessed.evidence)
-    return Selection(assessed, (), posteriors, 1.0, other_cause)
+    return Selection(assessed, (), posteriors, 1.0, engine_found)
 
 
 def select_effects(
@@ -276,7 +275,7 @@ def select_effects(
     p_tolerances = 0.0  # probability of the tolerances alone, in place of the effect on trial
     while len(current.effects) < max_effects:
         assessed = current.assessed
-        further = bool(current.effects) or current.other_cause
+        further = bool(current.effects) or current.engine_found
         if assessed.p_value >= (FURTHER_LEVEL if further else SIGNIFICANCE_LEVEL):
             break
         share_done = 0.1 + 0.2 * len(current.effects)

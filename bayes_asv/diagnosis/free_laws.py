@@ -15,7 +15,7 @@ from __future__ import annotations
 
 from dataclasses import replace
 
-from bayes_asv.diagnosis.forward_selection import Progress, Selection, select_effects
+from bayes_asv.diagnosis.forward_selection import Selection, select_effects
 from bayes_asv.diagnosis.misspecification_test import misspecification_tests
 from bayes_asv.diagnosis.model_assessment import AssessedModel, assess
 from bayes_asv.diagnosis.model_comparison import weighted_posterior
@@ -23,6 +23,7 @@ from bayes_asv.diagnosis.results import NamedEffect
 from bayes_asv.diagnosis.simulation_error import compare_errors
 from bayes_asv.diagnosis.thresholds import DECISIVE_EVIDENCE, MAX_EFFECTS, SIGNIFICANCE_LEVEL
 from bayes_asv.diagnosis.unlisted_faults import FreeLaw, Part, free_laws
+from bayes_asv.domain.progress import Progress
 from bayes_asv.models.effects import EFFECTS, PlacedEffect
 from bayes_asv.posterior.effect_fit import with_effects
 from bayes_asv.posterior.fitted_model import Dataset
@@ -57,7 +58,7 @@ def with_free_laws(
     seed : int
         Seed of the tests.
     progress : callable
-        See :data:`bayes_asv.diagnosis.forward_selection.Progress`.
+        See :data:`bayes_asv.domain.progress.Progress`.
     """
     listed = selection.assessed
     if not (selection.stopped_by or selection.effects or listed.p_value < SIGNIFICANCE_LEVEL):

@@ -7,7 +7,6 @@ from typing import NamedTuple
 
 from bayes_asv.diagnosis.engine import Engine
 from bayes_asv.diagnosis.forward_selection import (
-    Progress,
     Selection,
     reconsider_pulses,
     select_effects,
@@ -23,15 +22,16 @@ from bayes_asv.diagnosis.model_assessment import (
 from bayes_asv.diagnosis.model_comparison import weighted_posterior
 from bayes_asv.diagnosis.results import NamedEffect
 from bayes_asv.diagnosis.simulation_error import ErrorChange, compare_errors, simulation_residuals
+from bayes_asv.domain.progress import Progress
 from bayes_asv.posterior.fitted_model import Dataset, FittedModel
 
 __all__ = [
+    "SimulationErrors",
     "Split",
     "ValidatedSelection",
-    "ValidationErrors",
     "failed_effects",
+    "simulation_errors",
     "validate",
-    "validation_errors",
 ]
 
 # Ratio of error to noise floor that counts as at the floor, given the uncertainty of the floor.
@@ -56,7 +56,7 @@ class Split(NamedTuple):
     linear: FittedModel
 
 
-class ValidationErrors(NamedTuple):
+class SimulationErrors(NamedTuple):
     """Simulation errors before and after effects were added.
 
     Parameters
@@ -115,9 +115,9 @@ def validate(
     selection : Selection
         The named effects.
     given, without_tones, engine, seed
-        As in :func:`validation_errors`.
+        As in :func:`simulation_errors`.
     progress : callable
-        See :data:`bayes_asv.diagnosis.forward_selection.Progress`.
+        See :data:`bayes_asv.domain.progress.Progress`.
     """
 
     def attempt(selection: Selection, excluded: tuple[str, ...] = ()) -> ValidatedSelection:
@@ -127,7 +127,7 @@ def validate(
             selection = _prune(reconsidered, seed)
         assessed, named = selection.assessed, list(selection.effects)
         progress(0.85, "validating on held-out recordings")
-        errors, named, without_engine = validation_errors(
+        errors, named, without_engine = simulation_errors(
             given, without_tones, assessed, named, engine, seed
         )
         unlisted = bool(selection.stopped_by)
@@ -140,7 +140,7 @@ def validate(
                 or misspecification_tests(assessed.denoised, assessed.evidence, seed).detected
             )
             assessed, named = remove_effects(assessed, named, failed, seed)
-            errors, named, without_engine = validation_errors(
+            errors, named, without_engine = simulation_errors(
                 given, without_tones, assessed, named, engine, seed
             )
         return ValidatedSelection(
@@ -221,14 +221,14 @@ def _is_worse(error: ErrorChange) -> bool:
     return error.worse and error.after > _AT_FLOOR * error.floor
 
 
-def validation_errors(
+def simulation_errors(
     given: Split,
     without_tones: Split,
     assessed: AssessedModel,
     effects: list[NamedEffect],
     engine: Engine | None,
     seed: int,
-) -> ValidationErrors:
+) -> SimulationErrors:
     """Compute the errors of the selection and of each effect, on fitted and held-out runs.
 
     Parameters
@@ -271,4 +271,4 @@ def validation_errors(
                 dataset, models[j], models[j + 1], seed, same_runs=is_fitted
             )
     effects = [replace(e, errors=own) for e, own in zip(effects, of_effects, strict=True)]
-    return ValidationErrors(errors, effects, without_engine.get("holdout"))
+    return SimulationErrors(errors, effects, without_engine.get("holdout"))

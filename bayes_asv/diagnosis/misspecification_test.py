@@ -69,7 +69,7 @@ class MisspecificationResult:
     alternative : float
         Log Bayes factor (nats) of an unlisted fault alone against the named effects.
     p_jitter : float
-        p-value of the timing-jitter test: of a variance that does not grow with a signal's slope.
+        p-value of the timing-jitter test; small if the variance grows with a signal's slope.
     jitter_channel : str
         The channel on whose slope the variance depends most.
     stopped_by : str

@@ -114,7 +114,7 @@ class DiagnosisResult:
         Where the linear car disagrees, with engine tones removed.
     errors : dict of str to ErrorChange
         Simulation error on ``fit`` and, if there is any, ``holdout``.
-    training, holdout : tuples of PreparedRecording
+    fitted, holdout : tuples of PreparedRecording
         Fitted recordings, as given, and held-out ones, with engine tones removed.
     base_model, final_model : FittedModel or None
         The linear car and the final model, with engine tones removed.
@@ -146,7 +146,7 @@ class DiagnosisResult:
     unnamed: tuple[UnnamedCause, ...] = ()
     localization: Localization | None = None
     errors: dict[str, ErrorChange] | None = None
-    training: tuple[PreparedRecording, ...] = ()
+    fitted: tuple[PreparedRecording, ...] = ()
     holdout: tuple[PreparedRecording, ...] = ()
     base_model: FittedModel | None = None
     final_model: FittedModel | None = None

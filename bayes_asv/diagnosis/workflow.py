@@ -28,7 +28,6 @@ import numpy as np
 from bayes_asv.analysis.input_mistakes import check_input
 from bayes_asv.diagnosis.engine import Engine, remove_engine_tones
 from bayes_asv.diagnosis.forward_selection import (
-    Progress,
     Selection,
     select_effects,
     start_selection,
@@ -59,6 +58,7 @@ from bayes_asv.diagnosis.score_test import one_sided_squares
 from bayes_asv.diagnosis.thresholds import ALTERNATIVE_MARGIN, SIGNIFICANCE_LEVEL
 from bayes_asv.diagnosis.unlisted_fault_fit import fit_unlisted_faults
 from bayes_asv.domain.clocks import declared_clocks
+from bayes_asv.domain.progress import Progress
 from bayes_asv.domain.recording import Recording
 from bayes_asv.domain.vehicle import Vehicle
 from bayes_asv.models.cars import car_model
@@ -211,7 +211,7 @@ def diagnose(
         localization=localization,
         unnamed=() if regression is None else regression.causes,
         errors=errors,
-        training=fit,
+        fitted=fit,
         holdout=search.holdout_runs,
         base_model=search.without_tones.linear,
         final_model=final,
@@ -290,7 +290,7 @@ def _search(
     )
     if engine is not None:
         first = assess(dataset, linear, seed)
-    start = start_selection(first, other_cause=engine is not None)
+    start = start_selection(first, engine_found=engine is not None)
     selection = select_effects(start, seed, progress)
     held_out = _holdout_dataset(given, holdout_runs, engine)
     selection = with_free_laws(selection, first, held_out, seed, progress)
@@ -304,7 +304,7 @@ def _search(
         )
         if engine is not None:
             dataset, linear = removed, fit_linear_car(removed)
-            restarted = replace(selection, assessed=assess(dataset, model, seed), other_cause=True)
+            restarted = replace(selection, assessed=assess(dataset, model, seed), engine_found=True)
             selection = select_effects(restarted, seed, progress)
     split = Split(dataset, _holdout_dataset(given, holdout_runs, engine), linear)
     return _Search(selection, engine, split, holdout_runs, first.p_value, first.test.effect_count)

@@ -2,7 +2,14 @@
 
 from __future__ import annotations
 
-__all__ = ["BayesAsvError", "InputError"]
+from collections.abc import Sequence
+
+__all__ = ["BayesAsvError", "InputError", "enumerated"]
+
+
+def enumerated(parts: Sequence[str], last: str = "and") -> str:
+    """Join parts as in a sentence: ``a, b and c``."""
+    return parts[0] if len(parts) == 1 else f"{', '.join(parts[:-1])} {last} {parts[-1]}"
 
 
 class BayesAsvError(Exception):

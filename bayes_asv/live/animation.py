@@ -25,12 +25,13 @@ if TYPE_CHECKING:
     from matplotlib.axes import Axes
     from PIL.Image import Image
 
-__all__ = ["animation", "write_animation"]
+__all__ = ["FRAME_RATE", "animation", "write_animation"]
 
 Array = NDArray[np.float64]
 
 _WIDTH, _HEIGHT, _DPI = 9.6, 5.4, 80  # 768 by 432 pixels
-_FRAME_RATE: Final = 12.5  # frames per second
+FRAME_RATE: Final = 12.5
+"""Frames per second."""
 _DEFAULT_LENGTH: Final = (4.0, 6.0)  # s, shortest and longest, where no speed is given
 _MIN_FRAMES, _MAX_FRAMES = 8, 400
 _HOLD: Final = 2.5  # s for which the last frame is shown
@@ -110,7 +111,7 @@ def animation(
         raise InputError(metadata.source, "has no rows to draw", "give another recording")
     length = float(history.time[-1] - history.time[0])
     pace = speed or length / min(max(length, _DEFAULT_LENGTH[0]), _DEFAULT_LENGTH[1])
-    count = max(math.ceil(length / pace * _FRAME_RATE), _MIN_FRAMES)
+    count = max(math.ceil(length / pace * FRAME_RATE), _MIN_FRAMES)
     if count > _MAX_FRAMES:
         raise InputError(
             metadata.source, f"gives {count} pictures at ×{pace:g}", "give a greater --speed"
@@ -129,7 +130,7 @@ def animation(
     colours[colours.sum(axis=1).argmax()] = 255  # a white background
     palette.putpalette(colours.ravel().tolist())
     indexed = [frame.quantize(palette=palette, dither=Dither.NONE) for frame in frames]
-    duration = round(1000.0 / _FRAME_RATE)
+    duration = round(1000.0 / FRAME_RATE)
     buffer = io.BytesIO()
     indexed[0].save(
         buffer, "GIF", save_all=True, append_images=indexed[1:], loop=0, optimize=True,

@@ -13,6 +13,7 @@ from typing import TYPE_CHECKING, Final
 import numpy as np
 
 from bayes_asv.domain.quantities import NORMAL_975
+from bayes_asv.live.animation import FRAME_RATE
 from bayes_asv.live.braille import gauge, plot, round_limits
 from bayes_asv.live.metadata import ViewMetadata
 from bayes_asv.live.session import Playback, Session
@@ -29,7 +30,6 @@ __all__ = ["KEYS", "pressed_keys", "render", "run_terminal_view"]
 KEYS: Final = {" ": "pause", "r": "restart", ".": "0.1", "1": "1", "0": "10"}
 """Actions by key; a number is a speed."""
 
-_FRAME_RATE: Final = 12.5  # frames per second
 _WINDOW: Final = 5.0  # s
 _TONES: Final = {"good": "green", "below": "bold red", "above": "magenta", "muted": "dim"}
 _COLOURS: Final = {"front": "bright_blue", "rear": "yellow"}
@@ -64,7 +64,7 @@ def run_terminal_view(session: Session, console: Console, stop: threading.Event)
             live.update(
                 render(playback, session.metadata, console.width, console.height), refresh=True
             )
-            stop.wait(1.0 / _FRAME_RATE)
+            stop.wait(1.0 / FRAME_RATE)
 
 
 def render(playback: Playback, metadata: ViewMetadata, width: int, height: int) -> RenderableType:

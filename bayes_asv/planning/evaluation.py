@@ -148,7 +148,7 @@ def evaluate(
         ]
         if near_limit and not notes:
             notes = [
-                f"the {_join(near_limit)} would come near the end of its range "
+                f"the {_sensor_list(near_limit)} would come near the end of its range "
                 f"({100.0 * float(range_use.max()):.0f} % of it)"
             ]
         reasons = rate_independent + reasons
@@ -190,7 +190,7 @@ def _evaluate_recordings(
     return [], notes, information
 
 
-def _join(names: Sequence[str]) -> str:
+def _sensor_list(names: Sequence[str]) -> str:
     """Join channel names: ``front wheel and the rear wheel sensor``."""
     return f"{' and the '.join(names)} sensor"
 

@@ -16,6 +16,7 @@ from bayes_asv.domain.channels import Channel, Quantity
 from bayes_asv.domain.recording import COUNTS, Recording
 from bayes_asv.domain.vehicle import Vehicle
 from bayes_asv.planning.ride_simulation import Motion
+from bayes_asv.simulation.simulate import unit_noise
 
 __all__ = [
     "DEFAULT_NOISE",
@@ -147,7 +148,7 @@ def simulate_recording(
     units = []
     for c, sensor in enumerate(vehicle.sensors_of(names)):
         reading = filtered.channel(c, rows + sensor.delay)
-        reading = reading + (sensor.noise or 0.0) * _unit_noise(
+        reading = reading + (sensor.noise or 0.0) * unit_noise(
             rng, len(rows), rate, sensor.bandwidth
         )
         reading = np.clip(reading, sensor.low, sensor.high)
@@ -174,13 +175,3 @@ def _one_pole_filter(signal: Array, step: float, bandwidth: float) -> Array:
     newer = 1.0 - (1.0 - decay) / phase  # weight of the newer sample
     out, _ = lfilter([newer, 1.0 - decay - newer], [1.0, -decay], signal, zi=[0.0])
     return np.asarray(out)
-
-
-def _unit_noise(rng: np.random.Generator, n: int, rate: float, bandwidth: float | None) -> Array:
-    """Draw noise of unit variance that has passed the sensor's one-pole filter (AR(1))."""
-    white = rng.normal(size=n)
-    if bandwidth is None or n < 2:
-        return white
-    decay = math.exp(-2.0 * math.pi * bandwidth / rate)
-    white[1:] *= math.sqrt(1.0 - decay**2)
-    return np.asarray(lfilter([1.0], [1.0, -decay], white))

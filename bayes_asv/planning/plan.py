@@ -3,11 +3,12 @@
 from __future__ import annotations
 
 import math
-from collections.abc import Callable, Mapping, Sequence
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
 
 from bayes_asv.domain.channels import Channel
 from bayes_asv.domain.errors import InputError
+from bayes_asv.domain.progress import Progress
 from bayes_asv.domain.vehicle import Vehicle
 from bayes_asv.models.car_model import CarModel
 from bayes_asv.models.cars import car_model
@@ -28,7 +29,6 @@ from bayes_asv.simulation.simulate import usual_channels
 
 __all__ = ["PlanResult", "RatedDrive", "plan"]
 
-Progress = Callable[[float, str], None]
 RoadAndSpeed = tuple[RoadProfile, float]
 
 _ROAD_REALISATIONS = 2  # rough roads averaged, since roads of one class differ

@@ -5,6 +5,7 @@ from __future__ import annotations
 import math
 from collections.abc import Sequence
 
+from bayes_asv.domain.errors import enumerated
 from bayes_asv.domain.quantities import NORMAL_975, QUANTITIES
 from bayes_asv.domain.units import FOOT, INCH, KMH, MPH, display_units, from_si, si_factor
 from bayes_asv.planning.drive_information import (
@@ -102,7 +103,8 @@ def unidentifiable_lines(plan: PlanResult) -> list[str]:
     outputs = [channel for channel in plan.measured.channels if not channel.is_input]
     readings = "accelerations" if all(c.quantity == "acceleration" for c in outputs) else "readings"
     return [
-        f"{_join([_label(name) for name in group.names])}: {group.words} has the same {readings}"
+        f"{enumerated([_label(name) for name in group.names])}: "
+        f"{group.words} has the same {readings}"
         for group in inseparable_groups(plan.prior)
     ]
 
@@ -161,12 +163,12 @@ def _required_text(limiting: LimitingValues, plan: PlanResult) -> str:
         f"the {_label(name)} to {percent_text(sd)} (given: {percent_text(plan.prior.sd(name))})"
         for name, sd in limiting.required_sd.items()
     ]
-    return _join(parts) if parts else ""
+    return enumerated(parts) if parts else ""
 
 
 def _limit_sentence(parameters: Sequence[str], limiting: LimitingValues, plan: PlanResult) -> str:
     """Write one sentence for parameters with the same requirement."""
-    labels = _join([f"the {_label(name)}" for name in parameters])
+    labels = enumerated([f"the {_label(name)}" for name in parameters])
     wanted = percent_text(plan.want[limiting.parameter])
     if limiting.required_sd:
         return f"to estimate {labels} to {wanted}, measure {_required_text(limiting, plan)}"
@@ -194,7 +196,7 @@ def assumption_lines(plan: PlanResult) -> list[str]:
     lines = []
     if plan.assumed_noise:
         all_channels = len(plan.assumed_noise) == len(plan.measured.channels)
-        which = "any sensor" if all_channels else _join(
+        which = "any sensor" if all_channels else enumerated(
             [name.replace("_", " ") for name in plan.assumed_noise]
         )  # fmt: skip
         lines.append(
@@ -208,8 +210,8 @@ def assumption_lines(plan: PlanResult) -> list[str]:
         ]
         mass = [_mass_text(plan.tyres.mass[elements].sum(), plan) for elements in sums]
         lines.append(
-            f"the plan assumes tyre rates of {_join(rate)} and unsprung masses of "
-            f"{_join(mass)}, {_join(car.axles)}; give --tyre-rate and --unsprung if "
+            f"the plan assumes tyre rates of {enumerated(rate)} and unsprung masses of "
+            f"{enumerated(mass)}, {enumerated(car.axles)}; give --tyre-rate and --unsprung if "
             "yours differ"
         )
     if any(element.side == "right" for element in plan.measured.car.elements):
@@ -324,7 +326,7 @@ def _unidentifiable_section(plan: PlanResult, one: RatedDrive) -> list[str]:
     limited = [name for name in plan.estimands if plan.sd_floor[name] > 1e-5]
     for floor in dict.fromkeys(percent_text(plan.sd_floor[name]) for name in limited):
         same = [name for name in limited if percent_text(plan.sd_floor[name]) == floor]
-        lines.append(f"- so {_join(same)} cannot be determined to better than {floor}")
+        lines.append(f"- so {enumerated(same)} cannot be determined to better than {floor}")
     strongest = correlated_pairs(one.evaluation.information, plan.prior)
     if strongest:
         lines += [
@@ -411,10 +413,6 @@ def _given_text(plan: PlanResult, parameter: str) -> str:
 
 def _label(name: str) -> str:
     return QUANTITIES[name][1]
-
-
-def _join(parts: Sequence[str]) -> str:
-    return parts[0] if len(parts) == 1 else f"{', '.join(parts[:-1])} and {parts[-1]}"
 
 
 def _quantity_text(quantity: tuple[float, str]) -> str:

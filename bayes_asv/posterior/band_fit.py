@@ -217,15 +217,15 @@ def notes(recording: PreparedRecording, part: float | None) -> list[str]:
     if part is None:
         needed = FEWEST_PARTS * PART_PERIODS / _slowest(recording)
         return [
-            f"what is left over in {recording.source} is not the sensors' noise, and the recording "
-            f"is too short to tell from its parts whether the intervals are wide enough; that "
-            f"takes {math.ceil(needed)} s"
+            f"the residuals of {recording.source} are not sensor noise, and the recording is too "
+            "short to tell from its parts whether the intervals are wide enough; that takes "
+            f"{math.ceil(needed)} s"
         ]
     if part >= _REPORTED_WEIGHT:
         return []
     return [
-        f"the parts of {recording.source} differ {1.0 / math.sqrt(part):.1f} times as much as what "
-        "is left over lets expect, and the intervals are wider by as much"
+        f"the parts of {recording.source} differ {1.0 / math.sqrt(part):.1f} times as much as the "
+        "residuals predict, and the intervals are wider by as much"
     ]
 
 

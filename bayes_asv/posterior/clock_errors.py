@@ -224,12 +224,12 @@ def align_clocks(
     ]  # fmt: skip
     modes = tuple(_find_modes(job) if job.errors else () for job in jobs)
     drift = _common_drift(modes)
-    prepared, timed = [], []
+    prepared, aligned = [], []
     for job, modes_of_run in zip(jobs, modes, strict=True):
         if not modes_of_run:
             one, *_ = job.prepared([job.centre])
             prepared.append(one)
-            timed.append(job.at(job.centre))
+            aligned.append(job.at(job.centre))
             continue
         best = modes_of_run[0]
         x = np.array(
@@ -239,28 +239,28 @@ def align_clocks(
             ]
         )
         prepared.append(job.expanded(x, _STEP * best.sd))
-        timed.append(job.at(x))
-    return ClockAlignment(tuple(jobs), tuple(prepared), tuple(timed), modes)
+        aligned.append(job.at(x))
+    return ClockAlignment(tuple(jobs), tuple(prepared), tuple(aligned), modes)
 
 
-def fit_aligned(timed: ClockAlignment, placed_effects: tuple[PlacedEffect, ...] = ()) -> MapFit:
+def fit_aligned(alignment: ClockAlignment, placed_effects: tuple[PlacedEffect, ...] = ()) -> MapFit:
     """Fit all runs together, and expand the likelihood again if its mode has moved.
 
     Parameters
     ----------
-    timed : ClockAlignment
+    alignment : ClockAlignment
         Recordings with aligned clocks.
     placed_effects : tuple of PlacedEffect
         Effects that the car and its sensors have.
     """
-    first = timed.jobs[0]
-    if len(timed.jobs) == 1 and timed.modes[0] and not placed_effects:
-        return timed.modes[0][0].fit
-    recordings = timed.prepared
+    first = alignment.jobs[0]
+    if len(alignment.jobs) == 1 and alignment.modes[0] and not placed_effects:
+        return alignment.modes[0][0].fit
+    recordings = alignment.prepared
     for _ in range(_ROUNDS):
         fit = best_fit(recordings, first.vehicle, first.likelihood, placed_effects)
         converged, out = True, []
-        for run, (job, recording) in enumerate(zip(timed.jobs, recordings, strict=True)):
+        for run, (job, recording) in enumerate(zip(alignment.jobs, recordings, strict=True)):
             if recording.clock_variants is not None:
                 x, step, adequate = _next_expansion(
                     recording.clock_variants.middle,

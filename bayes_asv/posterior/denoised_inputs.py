@@ -32,8 +32,8 @@ from bayes_asv.filters.kalman import ORDER, VALUE, SensorNoise
 from bayes_asv.posterior.free_simulation import free_run, simulate_from
 from bayes_asv.posterior.likelihood import Posterior
 from bayes_asv.preprocessing.measured_inputs import denoise_wheel
-from bayes_asv.preprocessing.missing_band import frequency_response
 from bayes_asv.preprocessing.prepared_recording import PreparedRecording
+from bayes_asv.preprocessing.removed_band import frequency_response
 from bayes_asv.preprocessing.wheel_spline import WheelSignal, moments
 
 __all__ = ["DenoisedInputs", "denoise_and_predict", "simulate_nominal_outputs", "without_noise"]

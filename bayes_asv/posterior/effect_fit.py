@@ -204,12 +204,12 @@ def read_effect(text: str) -> PlacedEffect:
     """
     name, _, where = text.partition("@")
     if name not in EFFECTS:
-        raise InputError(text, "is no effect", f"there are {', '.join(EFFECTS)}")
+        raise InputError(text, "is not an effect", f"there are {', '.join(EFFECTS)}")
     try:
         return placed_effect(text)
     except KeyError:
         places = ", ".join(f"{name}@{w}" if w else name for w in EFFECTS[name].places)
-        raise InputError(text, f"'{where}' is no place for it", f"say {places}") from None
+        raise InputError(text, f"'{where}' is not a place for it", f"use {places}") from None
 
 
 def with_effects(

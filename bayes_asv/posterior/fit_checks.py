@@ -96,8 +96,8 @@ def excess_noise_sentence(
         if given is not None and level is not None and level > _EXCESS_NOISE * given:
             out.append(
                 f"the noise of the {channel.words} sensor in {recording.source} came out "
-                f"{level / given:.0f} times what the vehicle file says: a value given as exact is "
-                "off, or something moves that the model does not know; give mass, springs and "
-                "weight fraction an sd"
+                f"{level / given:.0f} times what the vehicle file says: a value that it gives as "
+                "exact is wrong, or the model lacks some motion; give mass, springs and weight "
+                "fraction an sd"
             )
     return out

@@ -18,12 +18,12 @@ from bayes_asv.filters.kalman import MISSING, Laws, Measurements, SensorNoise, S
 from bayes_asv.posterior.effects import NominalReadings, SensorCorrections, law_table
 from bayes_asv.posterior.parameters import ParameterSpace
 from bayes_asv.posterior.threads import Threads, threads
-from bayes_asv.preprocessing.missing_band import log_determinant
 from bayes_asv.preprocessing.prepared_recording import (
     ClockVariants,
     PreparedRecording,
     interpolation_weights,
 )
+from bayes_asv.preprocessing.removed_band import log_determinant
 
 __all__ = [
     "WHITE", "ClockExpansion", "Perturbation", "Posterior", "ResidualAR", "shared_work",

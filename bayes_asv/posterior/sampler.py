@@ -16,7 +16,6 @@ from __future__ import annotations
 
 import importlib
 import math
-from collections.abc import Callable
 from dataclasses import dataclass, replace
 
 import emcee
@@ -24,6 +23,7 @@ import numpy as np
 from numpy.typing import NDArray
 from scipy.special import logsumexp
 
+from bayes_asv.domain.progress import Progress
 from bayes_asv.posterior.convergence import ESS_WANTED, RHAT_WANTED
 from bayes_asv.posterior.importance import INFLATION, Density, Proposal
 from bayes_asv.posterior.likelihood import Posterior
@@ -43,7 +43,6 @@ __all__ = [
 ]
 
 Array = NDArray[np.float64]
-Progress = Callable[[float, str], None]
 
 N_CHAINS = 4  # independent streams or ensembles
 _TAILS = (0.05, 0.95)  # quantiles whose effective sample size is required

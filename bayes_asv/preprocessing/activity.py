@@ -10,11 +10,12 @@ from numpy.typing import NDArray
 from bayes_asv.domain.recording import Recording
 from bayes_asv.domain.vehicle import Vehicle
 
-__all__ = ["cut", "most_active", "most_active_rows", "wheel_power"]
+__all__ = ["FEWEST_ROWS", "cut", "most_active", "most_active_rows", "wheel_power"]
 
 Array = NDArray[np.float64]
 
-_FEWEST_ROWS = 100  # least number of rows of a stretch
+FEWEST_ROWS = 100
+"""Least number of rows of a recording, or of a stretch of one."""
 
 
 def wheel_power(recording: Recording, vehicle: Vehicle) -> Array:
@@ -39,7 +40,7 @@ def most_active_rows(recording: Recording, vehicle: Vehicle, seconds: float) -> 
 
     It has at least a hundred rows, since the time column may be wrong.
     """
-    rows = max(int(seconds / float(np.median(np.diff(recording.time)))), _FEWEST_ROWS)
+    rows = max(int(seconds / float(np.median(np.diff(recording.time)))), FEWEST_ROWS)
     return most_active(wheel_power(recording, vehicle), rows)
 
 

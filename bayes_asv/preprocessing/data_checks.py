@@ -16,11 +16,13 @@ import numpy as np
 from numpy.typing import NDArray
 
 from bayes_asv.domain.channels import Channel
+from bayes_asv.domain.errors import enumerated
 from bayes_asv.domain.recording import Recording
 from bayes_asv.domain.vehicle import Sensor, Vehicle
 from bayes_asv.filters.kalman import VALUE
 from bayes_asv.models.car_model import CarModel
 from bayes_asv.models.modes import VibrationMode, nominal_modes
+from bayes_asv.preprocessing.activity import FEWEST_ROWS
 from bayes_asv.preprocessing.band import ABOVE_MODES, too_short
 from bayes_asv.preprocessing.faulty_channels import clipping_limit
 from bayes_asv.preprocessing.prepare import (
@@ -33,7 +35,6 @@ from bayes_asv.preprocessing.prepared_recording import PreparedRecording  # fmt:
 from bayes_asv.preprocessing.quantization import noise_level
 
 __all__ = [
-    "FEWEST_ROWS",
     "FEWEST_WINDOWS",
     "LEAST_PERIODS",
     "MAX_UNEXPLAINED",
@@ -53,7 +54,6 @@ _SAMPLES_A_PERIOD = 12.0  # least number of samples per period of the fastest mo
 _REAL = 0.5
 _FEW_A_SECOND = 2.5  # rows per second: fewer than any logger of accelerations takes
 _FASTEST_LOGGER = 20e3  # highest sampling rate of a logger, Hz
-FEWEST_ROWS = 100  # least number of rows of a recording
 MAX_UNEXPLAINED = 0.3
 """Unexplained share (rms) above which the intervals are too narrow."""
 _MAX_WHEEL_RMS = 300.0  # largest rms acceleration of a wheel, m/s²: 30 g throughout the drive
@@ -475,9 +475,9 @@ def suggest_band(recording: PreparedRecording, left: Array, top: float) -> list[
             break
         share = 100.0 * multiple_coherence.explained(0.0, below)
         if np.all(share >= 100.0 * _WORTH):
-            names = _join_words([recording.channels[c].words for c in recording.outputs])
+            names = enumerated([recording.channels[c].words for c in recording.outputs])
             fitted, best, in_band = (
-                _join_words([f"{100.0 * x:.0f}" for x in values])
+                enumerated([f"{100.0 * x:.0f}" for x in values])
                 for values in (np.clip(1.0 - left, 0.0, 1.0), 1.0 - bound, share / 100.0)
             )
             return [
@@ -487,7 +487,3 @@ def suggest_band(recording: PreparedRecording, left: Array, top: float) -> list[
                 f"explain {in_band} %: try --below {below}"
             ]
     return []
-
-
-def _join_words(parts: list[str]) -> str:
-    return parts[0] if len(parts) == 1 else f"{', '.join(parts[:-1])} and {parts[-1]}"

@@ -13,7 +13,7 @@ from numpy.typing import NDArray
 from bayes_asv.domain.channels import Channel
 from bayes_asv.filters.kalman import MISSING, VALUE, Measurements
 from bayes_asv.models.car_model import CarModel, Output
-from bayes_asv.preprocessing.missing_band import RemovedBand
+from bayes_asv.preprocessing.removed_band import RemovedBand
 from bayes_asv.preprocessing.wheel_spline import WheelSignal
 
 __all__ = [

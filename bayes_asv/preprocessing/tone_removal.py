@@ -22,9 +22,9 @@ from scipy.interpolate import CubicSpline
 from bayes_asv.domain.vehicle import Unsprung
 from bayes_asv.models.car_model import CarModel, state_space
 from bayes_asv.models.modes import nominal_modes
-from bayes_asv.preprocessing.missing_band import missing_band
 from bayes_asv.preprocessing.prepare import schedule
 from bayes_asv.preprocessing.prepared_recording import PreparedRecording
+from bayes_asv.preprocessing.removed_band import removed_band
 from bayes_asv.preprocessing.wheel_spline import WheelSignal, interpolation_sd
 
 __all__ = [
@@ -358,7 +358,7 @@ def notched(recording: PreparedRecording, notches: Sequence[Notch]) -> PreparedR
         **plan._asdict(),
         wheels=wheels,
         values=values,
-        removed_band=missing_band(np.abs(response) ** 2, len(plan.group_instants), step, system),
+        removed_band=removed_band(np.abs(response) ** 2, len(plan.group_instants), step, system),
         notches=tuple(notches),
         standstill_noise=None,
         start_time=recording.instants[0] if recording.start_time is None else recording.start_time,

@@ -15,7 +15,6 @@ damper over two parking stops at 400 and 800 Hz with known true values (``data/r
 from __future__ import annotations
 
 import json
-from collections.abc import Callable
 from dataclasses import dataclass
 from typing import Any, Final, NamedTuple
 
@@ -23,6 +22,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from bayes_asv.domain.channels import CHANNELS
+from bayes_asv.domain.progress import Progress
 from bayes_asv.domain.recording import Recording
 from bayes_asv.domain.units import INCH, MPH
 from bayes_asv.domain.vehicle import Sensor, Vehicle, read_vehicle
@@ -42,7 +42,7 @@ from bayes_asv.reference.integrated import DETRENDINGS, REST_TIME, Integrated, i
 from bayes_asv.reference.modal import axle_matrices
 from bayes_asv.shipped import shipped
 from bayes_asv.simulation.roads import Road
-from bayes_asv.simulation.simulate import simulate
+from bayes_asv.simulation.simulate import one_pole_filter, simulate
 
 __all__ = [
     "POINTS",
@@ -62,7 +62,6 @@ __all__ = [
 ]
 
 Array = NDArray[np.float64]
-Progress = Callable[[float, str], None]
 
 POINTS = 300
 """Number of points in the reference (section 5.3)."""
@@ -225,7 +224,9 @@ def engine_readings(
     columns = []
     for axle, name in enumerate(("front_chassis", "rear_chassis")):
         sensor = vehicle.sensor(name)
-        signal = _one_pole_filter(fine, chassis[:, axle], sensor.bandwidth)
+        signal = chassis[:, axle]
+        if sensor.bandwidth is not None:
+            signal = one_pole_filter(fine, signal, sensor.bandwidth)
         reading = np.interp(time + sensor.delay, fine, signal)
         reading += (sensor.noise or 0.0) * rng.standard_normal(len(time))
         step = sensor.resolution or 0.0
@@ -243,14 +244,6 @@ def _hand_motion(t: Array) -> Array:
 def _to_counts(signal: Array, sensor: Sensor) -> Array:
     scale, zero = sensor.counts_scale, sensor.zero_counts
     return np.rint(signal / (scale or 0.0627) + (zero or 512.0))
-
-
-def _one_pole_filter(time: Array, signal: Array, bandwidth: float | None) -> Array:
-    if bandwidth is None:
-        return signal
-    pole = np.array([[-2.0 * np.pi * bandwidth]])
-    system = LinearSystem(pole, -pole, np.eye(1), np.zeros((1, 1)))
-    return simulate_linear(system, time, signal[:, None])[:, 0]
 
 
 RUNS: Final = ("stops-400hz.csv", "stops-800hz.csv")

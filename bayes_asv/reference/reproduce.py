@@ -3,10 +3,10 @@
 from __future__ import annotations
 
 import time
-from collections.abc import Callable
 from dataclasses import dataclass
 from typing import Any
 
+from bayes_asv.domain.progress import Progress
 from bayes_asv.domain.units import from_si
 from bayes_asv.reference.document import reproduction_document
 from bayes_asv.reference.experiments import (
@@ -27,7 +27,6 @@ from bayes_asv.reference.tables import table_41, table_42, table_51, table_71
 
 __all__ = ["RECORDS", "Reproduction", "reproduce"]
 
-Progress = Callable[[float, str], None]
 
 RECORDS = 50
 """Number of white-noise records of each length and damping."""

@@ -21,6 +21,7 @@ from bayes_asv.report.sections.compare import change_sentence, terminal_rows
 from bayes_asv.report.sections.online_filter import is_inconsistent, last_state
 from bayes_asv.report.sections.parameters import answers, short_label
 from bayes_asv.report.sections.simulation_error import asked, shift_sentence
+from bayes_asv.report.sections.verdict import MARKS
 from bayes_asv.report.words import (
     TONES,
     capitalized,
@@ -41,7 +42,6 @@ __all__ = ["WIDTH", "answer_text"]
 WIDTH: Final = 80
 """Columns of the text at most, and where it is piped."""
 
-_MARKS: Final = {"below": "▼", "above": "▲", "agrees": "✓", "unclear": "?"}
 _STYLES: Final = {"below": "bold red", "above": "bold magenta", "good": "bold green"}
 _PREFIXES: Final = {"Next": "bold", "Note": "bold yellow", "Why": "bold red"}
 _INDENT: Final = "  "
@@ -120,7 +120,7 @@ def _row(name: str, p: Parameter, *, reliable: bool) -> Row:
         return [*cells, "not to be relied on", ""], ""
     if compared is None:
         return [*cells, "", ""], ""
-    verdict = f"{_MARKS[compared.sense]} {compared.short}"
+    verdict = f"{MARKS[compared.sense]} {compared.short}"
     return [*cells, verdict, probability(compared.p_below)], TONES[compared.sense]
 
 

@@ -4,9 +4,10 @@ from __future__ import annotations
 
 import math
 import unicodedata
-from collections.abc import Iterable, Sequence
+from collections.abc import Iterable
 from typing import Final, NamedTuple
 
+from bayes_asv.domain.errors import enumerated
 from bayes_asv.domain.quantities import QUANTITIES
 from bayes_asv.report.schema.parts import Parameter, Summary
 
@@ -189,11 +190,6 @@ def plain(text: object) -> str:
 def capitalized(text: str) -> str:
     """Begin with a capital letter and leave the rest."""
     return text[:1].upper() + text[1:]
-
-
-def enumerated(parts: Sequence[str], last: str = "and") -> str:
-    """Join parts as in a sentence: ``a, b and c``."""
-    return parts[0] if len(parts) == 1 else f"{', '.join(parts[:-1])} {last} {parts[-1]}"
 
 
 def labelled(name: str, label: str, unit: str) -> str:

@@ -9,6 +9,7 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import NDArray
 from scipy.interpolate import CubicSpline
+from scipy.signal import lfilter
 
 from bayes_asv.domain.channels import Channel
 from bayes_asv.domain.errors import InputError
@@ -22,7 +23,9 @@ from bayes_asv.models.discretization import simulate_linear
 from bayes_asv.models.half_car_equations import LinearSystem
 from bayes_asv.simulation.roads import Road
 
-__all__ = ["Drive", "response", "simulate", "usual_channels"]
+__all__ = [
+    "Drive", "one_pole_filter", "response", "simulate", "unit_noise", "usual_channels",
+]  # fmt: skip
 
 Array = NDArray[np.float64]
 
@@ -212,10 +215,10 @@ def _measure(
         alike = bandwidths and channel.quantity == "acceleration"
         corner = sensor.bandwidth or (min(bandwidths) if alike else None)
         if corner is not None:
-            signal = _one_pole_filter(time, signal, corner)
+            signal = one_pole_filter(time, signal, corner)
         sampled = CubicSpline(time, signal)(rows + sensor.delay)
         if sensor.noise is not None:
-            sampled = sampled + sensor.noise * _unit_noise(rng, len(rows), rate, sensor.bandwidth)
+            sampled = sampled + sensor.noise * unit_noise(rng, len(rows), rate, sensor.bandwidth)
         sampled = np.clip(sampled, sensor.low, sensor.high)
         if sensor.counts_scale is not None and sensor.zero_counts is not None:
             counts = np.rint(sampled / sensor.counts_scale + sensor.zero_counts)
@@ -244,21 +247,18 @@ def _hub_acceleration(road: Road, x: Array) -> Array:
     return np.asarray(second_difference * _INTEGRATION_RATE**2)
 
 
-def _one_pole_filter(time: Array, signal: Array, bandwidth: float) -> Array:
+def one_pole_filter(time: Array, signal: Array, bandwidth: float) -> Array:
     """Filter a signal with one pole at `bandwidth`, Hz, from rest."""
     pole = np.array([[-2.0 * math.pi * bandwidth]])
     system = LinearSystem(pole, -pole, np.eye(1), np.zeros((1, 1)))
     return simulate_linear(system, time, signal[:, None])[:, 0]
 
 
-def _unit_noise(rng: np.random.Generator, n: int, rate: float, bandwidth: float | None) -> Array:
+def unit_noise(rng: np.random.Generator, n: int, rate: float, bandwidth: float | None) -> Array:
     """Draw noise of unit variance that has passed the sensor's one-pole filter (AR(1))."""
     white = rng.normal(size=n)
-    if bandwidth is None:
+    if bandwidth is None or n < 2:
         return white
-    correlation = math.exp(-2.0 * math.pi * bandwidth / rate)
-    out = np.empty(n)
-    out[0] = white[0]
-    for k in range(1, n):
-        out[k] = correlation * out[k - 1] + math.sqrt(1.0 - correlation**2) * white[k]
-    return out
+    decay = math.exp(-2.0 * math.pi * bandwidth / rate)
+    white[1:] *= math.sqrt(1.0 - decay**2)
+    return np.asarray(lfilter([1.0], [1.0, -decay], white))

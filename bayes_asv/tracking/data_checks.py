@@ -14,8 +14,8 @@ from bayes_asv.models.car_model import CarModel
 from bayes_asv.models.modes import nominal_modes
 from bayes_asv.posterior.identifiability import unidentified_sentence
 from bayes_asv.posterior.information import WIDE_PRIOR, unmeasured
+from bayes_asv.preprocessing.activity import FEWEST_ROWS
 from bayes_asv.preprocessing.data_checks import (
-    FEWEST_ROWS,
     LEAST_PERIODS,
     MIN_EXCITATION,
     min_sampling_rate,

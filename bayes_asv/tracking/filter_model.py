@@ -31,7 +31,7 @@ from bayes_asv.tracking.geometry import Polynomial, trace
 from bayes_asv.tracking.parameters import Coordinates
 from bayes_asv.tracking.sensor_noise import SensorModel
 
-__all__ = ["FilterModel", "StandstillBias", "filter_model", "standstill_bias", "twists"]
+__all__ = ["FilterModel", "StandstillBias", "filter_model", "has_warp", "standstill_bias"]
 
 Array = NDArray[np.float64]
 
@@ -160,7 +160,7 @@ def filter_model(
         start_mean[first : first + nd] = standstill.mean
         start[first : first + nd] = start[:, first : first + nd] = 0.0
         start[first : first + nd, first : first + nd] = np.diag(standstill.sd**2)
-        twist = _twists(car)
+        twist = _warp(car)
         for of, sd in ((0, _TWIST), (1, _TWIST_RATE)):
             states = np.ix_(range(of, 2 * ne, 2), range(of, 2 * ne, 2))
             projection = np.eye(ne) - twist @ twist.T
@@ -197,12 +197,12 @@ def filter_model(
     )
 
 
-def twists(car: CarModel) -> bool:
+def has_warp(car: CarModel) -> bool:
     """Whether the wheels of a car can move in a way that the body cannot follow."""
     return len(car.elements) > len(car.coordinates)
 
 
-def _twists(car: CarModel) -> Array:
+def _warp(car: CarModel) -> Array:
     """Orthonormal motions (ne, k) of the wheels that the body cannot follow."""
     left, strength, _ = np.linalg.svd(car.heights(car.nominal)[0])
     return np.asarray(left[:, np.count_nonzero(strength > 1e-10 * strength[0]) :])

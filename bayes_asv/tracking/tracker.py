@@ -35,8 +35,8 @@ from bayes_asv.tracking.filter import (
 from bayes_asv.tracking.filter_model import (
     StandstillBias,
     filter_model,
+    has_warp,
     standstill_bias,
-    twists,
 )
 from bayes_asv.tracking.frames import Frames, concatenate, empty_frames
 from bayes_asv.tracking.parameters import coordinates
@@ -159,7 +159,7 @@ class Tracker:
         self._active_blocks = ActiveBlocks(self._sensors.channels, metadata)
         self._standstill: StandstillBias | None = None
         self._last_fault = -math.inf  # stamp of the last row with a fault
-        if self._noise_declared and not twists(model):
+        if self._noise_declared and not has_warp(model):
             self._start_filter(self._sensors)
 
     def _own_timing(self, timing: Timing | None) -> Timing | None:
@@ -280,8 +280,8 @@ class Tracker:
         moving = standstill is not None and bool(np.any(standstill.sd > _STANDSTILL_SD))
         at_start = [
             f"{source} does not begin at standstill: from its first {_NOISE_SECONDS:g} s the "
-            f"online filter of the {space.car.name} car learns by how much the wheel sensors are "
-            "off against each other; start the recording a second before the car moves"
+            f"online filter of the {space.car.name} car learns how the biases of the wheel sensors "
+            "differ; start the recording a second before the car moves"
         ]
         unidentified = unidentified_parameters(
             space.car,
@@ -432,7 +432,7 @@ class Tracker:
         noise = sensors.noise.copy()
         for c in np.flatnonzero(~np.isfinite(noise)):
             noise[c] = sensors.estimated(int(c), times[first], early[:, c])
-        if twists(sensors.car):
+        if has_warp(sensors.car):
             self._standstill = standstill_bias(sensors, early, self.rate)
         self._start_filter(replace(sensors, noise=noise))
         return self._process(times, acc)

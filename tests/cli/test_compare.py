@@ -108,7 +108,7 @@ def test_wrong_usage_is_one_line(
     assert refuse(invoke(*both, "-o", tmp_path / "x.txt"), "end the name in .html or .pdf")
     assert refuse(invoke(*both, "--vehicle-after", tmp_path / "no.toml"), "no.toml")
     assert refuse(invoke(*both, "--with-effect", "spring_rate@front"), "larger sd")
-    assert refuse(invoke(*both, "--with-effect", "rust@front"), "is no effect")
+    assert refuse(invoke(*both, "--with-effect", "rust@front"), "is not an effect")
     said = invoke(*both, "--with-effect", "bound_rebound@front", "--below", 20)
     assert refuse(said, "leave out --below")
 

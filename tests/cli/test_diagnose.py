@@ -241,10 +241,10 @@ def test_one_recording_is_proved_on_its_second_half(
         (("diagnose", "{fit}", "--holdout", "{fit}", "-v", "{car}"), ("each recording once",)),
         (("diagnose", "{fit}", "--holdout", "no.csv", "-v", "{car}"), ("no.csv",)),
         (("diagnose", "{fit}", "-v", "{car}", "--json", "{fit}"), ("would be replaced",)),
-        (("estimate", "{fit}", "-v", "{car}", "--with", "rust@rear"), ("is no effect", "stop")),
+        (("estimate", "{fit}", "-v", "{car}", "--with", "rust@rear"), ("is not an effect", "stop")),
         (
             ("estimate", "{fit}", "-v", "{car}", "--with", "bound_rebound"),
-            ("is no place for it", "say bound_rebound@front"),
+            ("is not a place for it", "use bound_rebound@front"),
         ),
         (
             ("estimate", "{fit}", "-v", "{car}", "--with", "bound_rebound@rear", "--below", "9"),

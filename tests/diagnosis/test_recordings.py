@@ -11,7 +11,7 @@ import pytest
 from bayes_asv.diagnosis import workflow
 from bayes_asv.diagnosis.denoised_model import denoised_model
 from bayes_asv.diagnosis.engine import Engine, remove_engine_tones
-from bayes_asv.diagnosis.holdout_validation import Split, validation_errors
+from bayes_asv.diagnosis.holdout_validation import Split, simulation_errors
 from bayes_asv.diagnosis.misspecification_test import MisspecificationResult
 from bayes_asv.diagnosis.model_assessment import AssessedModel, assess, refit_shared
 from bayes_asv.diagnosis.model_comparison import draw_effects
@@ -83,7 +83,7 @@ def test_a_recording_that_moves_throughout_is_split_in_halves() -> None:
         values=np.concatenate([first.values, second.values], axis=1),
     )
     diagnosis = diagnose([joined], (), one.vehicle, 1)
-    assert len(diagnosis.holdout) == len(diagnosis.training) == 1
+    assert len(diagnosis.holdout) == len(diagnosis.fitted) == 1
 
 
 def test_an_effect_beside_something_unexplained_is_not_in_the_model(
@@ -138,7 +138,7 @@ def test_an_engine_does_not_hide_what_effects_do_to_the_error() -> None:
     assert isinstance(engine, Engine)
     assessed = assess(dataset, linear, 1)
     without_tones = Split(dataset, make_dataset(one.vehicle, held), linear)
-    errors = validation_errors(given, without_tones, assessed, [], engine, 1)
+    errors = simulation_errors(given, without_tones, assessed, [], engine, 1)
     silent = errors.without_engine
     assert silent is not None
     assert silent.before == silent.after == errors.errors["holdout"].after

@@ -81,7 +81,7 @@ def test_a_car_that_changes_on_the_way_counts_for_less_than_one_that_does_not() 
     assert share is not None
     assert share < 0.5
     (line,) = found["changing"].posterior.space.recordings
-    assert "times as much as what is left over lets expect" in notes(line, share)[0]
+    assert "times as much as the residuals predict" in notes(line, share)[0]
 
 
 def test_a_short_recording_cannot_tell() -> None:

@@ -35,7 +35,15 @@ from bayes_asv.posterior.likelihood import Posterior
 from bayes_asv.preprocessing.prepared_recording import PreparedRecording
 from bayes_asv.preprocessing.wheel_spline import WheelSignal, moments
 
-__all__ = ["HIDDEN", "Fault", "LinearizedPosterior", "Shift", "faults", "find_biases", "with_fault"]
+__all__ = [
+    "DETECTABLE_NONCENTRALITY",
+    "Fault",
+    "LinearizedPosterior",
+    "Shift",
+    "faults",
+    "find_biases",
+    "with_fault",
+]
 
 # Sizes that a careful team may overlook: the tolerances of scale and corner frequency on a data
 # sheet, a tenth of a millisecond by the order of conversion, a mount an inch off its axle.
@@ -166,7 +174,7 @@ def _change_by(fault: Fault, time: Array, signal: Array, corner: float | None) -
 
 Array = NDArray[np.float64]
 
-HIDDEN = 40.0
+DETECTABLE_NONCENTRALITY = 40.0
 """Noncentrality in the residuals above which a fault is detectable.
 
 The predictions are also accurate up to it: on 16 drives of the rig, 95 % of 1088 predictions (272
@@ -197,7 +205,7 @@ class Shift:
         As in :class:`Fault`; a relative change for ``given``.
     shows : bool
         The size was limited to what the residuals cannot detect: a noncentrality of
-        :data:`HIDDEN`.
+        :data:`DETECTABLE_NONCENTRALITY`.
     moved : (P,) array
         Relative changes of the estimated parameters by the fault.
     """
@@ -292,7 +300,7 @@ def _shift(
         power += float(change @ change)
     covariance = linearized.budget.covariance()
     remaining = power - float(score @ covariance @ score)
-    scale = min(1.0, math.sqrt(HIDDEN / remaining)) if remaining > 0.0 else 1.0
+    scale = min(1.0, math.sqrt(DETECTABLE_NONCENTRALITY / remaining)) if remaining > 0.0 else 1.0
     recordings = tuple(
         map(_blend, linearized.posterior.space.recordings, faulty, [scale] * len(faulty))
     )

@@ -1,4 +1,4 @@
-"""Registry of effects, one module an effect.
+"""Registry of effects; each module has one effect, or several that are alike.
 
 To add one: write a file with its :class:`Effect`, list it here, and give its force a branch in
 :mod:`bayes_asv.filters.force_laws`; a test holds the branch against the readable form.

@@ -103,7 +103,7 @@ def diagnose_document(
         ],
         residuals=_residuals(diagnosis),
         runs=schema.FittedRuns(
-            fit=[prepared.source for prepared in diagnosis.training],
+            fit=[prepared.source for prepared in diagnosis.fitted],
             holdout=[prepared.source for prepared in diagnosis.holdout],
         ),
         vehicle=VehicleInfo(name=vehicle.name, units=vehicle.units),
@@ -179,7 +179,7 @@ def _effect(named: NamedEffect, diagnosis: DiagnosisResult) -> schema.NamedEffec
             if p.name in draws
         },
         gap=_gap(named.errors, diagnosis.vehicle),
-        run=None if placed.run is None else diagnosis.training[placed.run].source,
+        run=None if placed.run is None else diagnosis.fitted[placed.run].source,
     )
 
 
@@ -231,7 +231,7 @@ def _unnamed(cause: UnnamedCause, diagnosis: DiagnosisResult) -> schema.UnnamedC
     units = Units(diagnosis.vehicle.units)
     power = [float(np.mean(change**2)) for change in cause.changes]
     run = int(np.argmax(power))
-    prepared = diagnosis.training[run]
+    prepared = diagnosis.fitted[run]
     time, change = prepared.instants, cause.changes[run]
     count = max(int(np.searchsorted(time, time[0] + _SHOWN)), 2)
     energy = np.convolve(change**2, np.ones(min(count, len(change))), "valid")
@@ -260,7 +260,7 @@ def _disagreement(diagnosis: DiagnosisResult) -> schema.Disagreement | None:
         channel=seen.channel,
         axle=seen.axle or None,
         time=[[float(a), float(b)] for _, a, b in seen.windows],
-        time_run=[diagnosis.training[run].source for run, _, _ in seen.windows],
+        time_run=[diagnosis.fitted[run].source for run, _, _ in seen.windows],
         frequency=[[float(a), float(b)] for a, b in seen.bands],
         state=None if seen.strongest is None else _cell(seen.strongest, diagnosis.vehicle),
     )

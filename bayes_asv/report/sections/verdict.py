@@ -43,6 +43,7 @@ from bayes_asv.report.words import (
 )
 
 __all__ = [
+    "MARKS",
     "cards",
     "headline",
     "next_steps",
@@ -55,7 +56,7 @@ __all__ = [
 ]
 
 _ORDER: Final = ("below", "above", "unclear", "agrees")  # senses of dampers in the headline
-_MARKS: Final = {"below": "▼", "above": "▲", "agrees": "✓", "unclear": "?"}
+MARKS: Final = {"below": "▼", "above": "▲", "agrees": "✓", "unclear": "?"}
 _COUNTS: Final = {2: "two", 3: "three", 4: "four"}
 
 _NO_ANSWER: Final = "the suspension parameters cannot be determined from"
@@ -281,7 +282,7 @@ def cards(
             card["sense"] = "not to be relied on"
             if reliable:
                 p_side = comparison.p_side
-                card["sense"] = f"{_MARKS[comparison.sense]} {comparison.words}"
+                card["sense"] = f"{MARKS[comparison.sense]} {comparison.words}"
                 card["words"] = (
                     f"{likelihood_words(p_side)} {comparison.side} nominal ({probability(p_side)})"
                 )

@@ -12,7 +12,11 @@ from numpy.typing import NDArray
 
 from bayes_asv.analysis.uncertainty_budget import Shift, UncertaintyBudget, find_budget
 from bayes_asv.analysis.uncertainty_budget.budget import in_logs, information, jacobian
-from bayes_asv.analysis.uncertainty_budget.undeclared_faults import HIDDEN, Fault, with_fault
+from bayes_asv.analysis.uncertainty_budget.undeclared_faults import (
+    DETECTABLE_NONCENTRALITY,
+    Fault,
+    with_fault,
+)
 from bayes_asv.domain.channels import CHANNELS
 from bayes_asv.domain.recording import Recording
 from bayes_asv.domain.vehicle import Vehicle
@@ -193,7 +197,7 @@ def test_a_fault_is_cut_down_to_what_the_residuals_would_not_show(declared: Case
         noncentrality = float(rest @ rest)
         if shift.shows:
             cut += 1
-            assert noncentrality == pytest.approx(HIDDEN, rel=0.02)
+            assert noncentrality == pytest.approx(DETECTABLE_NONCENTRALITY, rel=0.02)
         else:
-            assert noncentrality <= 1.02 * HIDDEN
+            assert noncentrality <= 1.02 * DETECTABLE_NONCENTRALITY
     assert cut > 2

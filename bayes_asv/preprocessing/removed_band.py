@@ -15,7 +15,7 @@ from numpy.typing import NDArray
 
 from bayes_asv.filters.kalman import SensorNoise, StateSpace
 
-__all__ = ["RemovedBand", "frequency_response", "log_determinant", "missing_band"]
+__all__ = ["RemovedBand", "frequency_response", "log_determinant", "removed_band"]
 
 Array = NDArray[np.float64]
 Complex = NDArray[np.complex128]
@@ -53,7 +53,7 @@ def frequency_response(system: StateSpace, frequency: Array) -> Complex:
     return np.asarray(C @ np.linalg.solve(resolvent, np.broadcast_to(B, (len(s), *B.shape))))
 
 
-def missing_band(power: Array, groups: int, step: float, system: StateSpace) -> RemovedBand:
+def removed_band(power: Array, groups: int, step: float, system: StateSpace) -> RemovedBand:
     """Describe the band that a filter removed.
 
     Parameters
