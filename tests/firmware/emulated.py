@@ -73,8 +73,8 @@ def _include_folders() -> list[str]:
     return ["/usr/include", "/usr/local/include"]
 
 
-def make(folder: Path, target: str) -> subprocess.CompletedProcess[str]:
-    """Run make in a folder, one at a time however many tests ask for it.
+def make(folder: Path, target: str, *, builds: bool = True) -> subprocess.CompletedProcess[str]:
+    """Run make in a folder; builds run one at a time, however many tests ask for them.
 
     Raises
     ------
@@ -84,7 +84,8 @@ def make(folder: Path, target: str) -> subprocess.CompletedProcess[str]:
     # A make that runs the tests has no business with this one.
     environment = {k: v for k, v in os.environ.items() if not k.startswith(("MAKE", "MFLAGS"))}
     with (folder / "Makefile").open() as lock:
-        fcntl.flock(lock, fcntl.LOCK_EX)
+        if builds:
+            fcntl.flock(lock, fcntl.LOCK_EX)
         done = subprocess.run(
             ["make", "-s", "-C", str(folder), target],
             capture_output=True,
