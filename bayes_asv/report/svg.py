@@ -327,7 +327,7 @@ def draw_autocorrelations(
 
 def gauge(
     key: str,
-    mean: float,
+    mean: float | None,
     low: float,
     high: float,
     nominal: float | None,
@@ -336,13 +336,14 @@ def gauge(
 ) -> Panel:
     """Draw the mean and 95 % interval of a parameter on a scale that fits them, 300 × 52 units.
 
-    The scale includes the nominal value unless the interval would then take less than a tenth of
-    it; an arrow then points to where nominal is.  `colour` is one of :data:`COLOURS`.  `reference`
-    is another name for the nominal value.
+    Without a mean the interval alone is drawn.  The scale includes the nominal value unless the
+    interval would then take less than a tenth of it; an arrow then points to where nominal is.
+    `colour` is one of :data:`COLOURS`.  `reference` is another name for the nominal value.
     """  # fmt: skip
     from matplotlib.ticker import MaxNLocator
 
-    left, right, outside = _gauge_scale(mean, low, high, nominal)
+    middle = 0.5 * (low + high) if mean is None else mean
+    left, right, outside = _gauge_scale(middle, low, high, nominal)
 
     def x(value: float) -> float:
         return 12.0 + 276.0 * min(max((value - left) / (right - left), 0.0), 1.0)
@@ -369,9 +370,10 @@ def gauge(
         f'<rect x="{begin:.2f}" y="18" width="{max(end - begin, 1.0):.2f}" height="14" '
         f'style="fill: {paint}; fill-opacity: 0.3"/>'
         f'<path d="M{begin:.2f} 17V33M{end:.2f} 17V33" style="stroke: {paint}; stroke-width: 2"/>'
-        f'<path d="M{x(mean):.2f} 16V34" style="stroke: {paint}; stroke-width: 4"/>'
     )
-    alt = "mean with its 95 % interval"
+    if mean is not None:
+        parts.append(f'<path d="M{x(mean):.2f} 16V34" style="stroke: {paint}; stroke-width: 4"/>')
+    alt = "95 % interval" if mean is None else "mean with its 95 % interval"
     if nominal is not None:
         at, words = x(nominal), reference or f"nominal {_short(nominal)}"
         anchor = "middle"

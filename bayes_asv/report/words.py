@@ -201,6 +201,10 @@ def labelled(name: str, label: str, unit: str) -> str:
 def interval(parameter: Summary, digits: int = 2) -> str:
     """Write a 95 % interval, ``7.72 to 8.08``."""
     low, high = parameter.eti95
+    if low > 0.0 and not is_determined(
+        parameter
+    ):  # digits of the sd would round the lower end to 0
+        return f"{two_digits(low)} to {two_digits(high)}"
     return f"{number(low, parameter.sd, digits)} to {number(high, parameter.sd, digits)}"
 
 

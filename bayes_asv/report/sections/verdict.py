@@ -35,6 +35,7 @@ from bayes_asv.report.words import (
     enumerated,
     estimate_text,
     interval,
+    is_determined,
     likelihood_words,
     parameter_sentence,
     percent,
@@ -288,8 +289,9 @@ def cards(
                 )
         nominal, (low, high) = None if comparison is None else p.nominal, p.eti95
         picture = svg.gauge(
-            f"gauge-{name.replace('_', '-')}", p.mean, low, high, nominal, card["tone"]
-        )
+            f"gauge-{name.replace('_', '-')}", p.mean if is_determined(p) else None, low, high,
+            nominal, card["tone"],
+        )  # fmt: skip
         gauges.append(picture)
         card |= {"gauge": picture.key, "alt": picture.alt}
         made.append(card)
