@@ -35,7 +35,10 @@ def document() -> EstimateDocument:
         900.0 * draws,
         800.0 * draws,
         1000.0 * draws,
-        (CurveShape("digressive", "both", 0.98, 0.4 * draws),),
+        (
+            CurveShape("digressive", "both", 0.98, 0.4 * draws),
+            CurveShape("unequal_sides", "both", 0.89, np.exp(np.linspace(-1.2, 0.6, 400))),
+        ),
         np.linspace(-0.5, 0.5, 5),
         np.outer(900.0 * draws, np.linspace(-0.5, 0.5, 5)),
     )
@@ -43,9 +46,12 @@ def document() -> EstimateDocument:
 
 
 def test_its_rates_are_stated(document: EstimateDocument) -> None:
-    shape, line = damper_lines(document.dampers)
+    shape, sides, line = damper_lines(document.dampers)
     assert shape.startswith("Front damper: digressive; its slope in fast motion is 0.3997 (95 %: ")
     assert shape.endswith("times that in slow motion (probability 98 %).")
+    # the mean of a ratio is geometric; an interval around one leaves the stronger side open
+    assert sides.startswith("Front damper: its sides differ, but it is open which is the stronger ")
+    assert "in extension is 0.74 (95 %: " in sides
     assert line.startswith("Front damper: ")
     assert "of equal power at the speeds driven" in line
     assert "in compression and" in line

@@ -192,7 +192,10 @@ def spring_curve(spring: SpringCurve, nominal: float, units: Units) -> schema.Sp
 
 
 def _shape(shape: CurveShape) -> dict[str, Any]:
-    return {**shape._asdict(), "ratio": _value(shape.ratio)}
+    # of a positive ratio the mean is geometric: that of skewed draws may be beyond most of them
+    ratio = _value(shape.ratio)
+    ratio.mean = float(np.exp(np.mean(np.log(shape.ratio))))
+    return {**shape._asdict(), "ratio": ratio}
 
 
 def _value(draws: Array, unit: str = "") -> EffectValue:

@@ -218,7 +218,8 @@ class DamperShape(Model):
     side: Annotated[str, OneOf("compression", "extension", "both")]
     probability: Share
     ratio: EffectValue
-    """Slope in fast over slope in slow motion, or force in extension over compression."""
+    """Slope in fast over slope in slow motion, or force in extension over compression; its mean is
+    geometric."""
 
 
 class PossibleMistake(Model):

@@ -189,6 +189,9 @@ def _damper_shape_text(shape: DamperShape) -> str:
 def _shape_text(shape: DamperShape | SpringShape, bent: str) -> str:
     """State a shape with its probability; ``bent`` is said of a curve with bent sides."""
     text = "its force in extension is {size} that in compression"
+    low, high = shape.ratio.eti95
+    if low <= 1.0 <= high:
+        text = f"its sides differ, but it is open which is the stronger one: {text}"
     side = "" if shape.side == "both" else f" in {shape.side}"
     size = f"{value_text(shape.ratio)} times"
     said = (text if shape.name == "unequal_sides" else bent).format(side=side, size=size)
