@@ -209,10 +209,11 @@ def main() -> None:
     rows: list[dict[str, Any]] = []
     if options.out.exists():
         rows = json.loads(options.out.read_text(encoding="utf-8"))["rows"]
-    for seed in range(len(rows), options.runs):
+    for seed in sorted(set(range(options.runs)) - {row["seed"] for row in rows}):
         rows.append(one(seed, curves))
+        rows.sort(key=lambda row: row["seed"])
         keep(options.out, {"commit": current_commit(), "summary": summary(rows), "rows": rows})
-        print(rows[-1], flush=True)
+        print(seed, summary(rows), flush=True)
     print(json.dumps(summary(rows), indent=1))
 
 
