@@ -74,7 +74,7 @@ RESULTS = {
     "real cars": Result(
         "real_cars.json", "benchmarks.real_cars --size 0.25 --size 0.5 --size 1", 60
     ),
-    "real dampers": Result("real_dampers.json", "benchmarks.real_dampers ../shared/data/dyno", 240),
+    "real dampers": Result("real_dampers.json", "benchmarks.real_dampers DYNO", 240),
     "resampled exports": Result("resampled_exports.json", "benchmarks.resampled_exports", 40),
     "roll car": Result("rolling.json", "benchmarks.rolling", 60),
     "roomster": Result("roomster.json", "benchmarks.roomster", 60),

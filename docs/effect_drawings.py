@@ -47,7 +47,8 @@ class Example(NamedTuple):
     over: str = ""
 
 
-_STEPS = {f"{side}_{k}": -0.25 for side in ("compression", "extension") for k in range(1, 9)}
+# digressive: the slope falls by a factor of five from rest to 0.8 m/s
+_STEPS = {p.name: -0.125 for p in EFFECTS["damper_curve"].parameters}
 _SPRING = {  # a second spring of the same stiffness from 16 mm of compression on
     **{f"{side}_{k}": 0.0 for side in ("compression", "extension") for k in range(1, 11)},
     "compression_5": 0.7,

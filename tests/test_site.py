@@ -92,6 +92,7 @@ def test_the_gallery_draws_every_effect_and_its_linear_car_is_that_of_the_packag
     monkeypatch.syspath_prepend(str(DOCS))
     drawn = importlib.import_module("effect_drawings")
     assert set(drawn.EXAMPLES) == set(EFFECTS)
+    assert np.isfinite(drawn._run("damper_curve", True).time).all()
     run = drawn._run("bound_rebound", False)
     example = drawn.EXAMPLES["bound_rebound"]
     course = road(example.road, np.random.default_rng(1), example.speed)

@@ -56,8 +56,8 @@ adjusted front damper implies nothing about the rear one."""
 # Spread, relative to the smallest standard deviation of a run, below which it has no effect.
 _NO_EFFECT = 0.03
 _MIN_VARIANCE = 1e-16  # lower bound of a posterior variance, in prior variances
-# Information of a run about a direction, relative to the prior's, below which it is set to zero.
 MIN_INFORMATION = 0.1
+"""Information about a direction, relative to the prior's, below which it counts as none."""
 _COARSE, _FINE = 11, 21  # nodes for each τ on the first and on the final grid
 _EDGE = 1e-4  # probability mass that the final grid may omit at either end
 

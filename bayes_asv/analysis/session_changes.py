@@ -56,8 +56,6 @@ Array = NDArray[np.float64]
 UNCHANGED = SAME
 """Prior probability that a parameter did not change, independently for each one."""
 
-"""Information about a change, relative to its prior's, below which it is not tested."""
-
 
 @dataclass(frozen=True)
 class Session:

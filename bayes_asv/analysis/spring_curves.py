@@ -25,8 +25,6 @@ __all__ = ["SpringCurve", "spring_curves"]
 
 Array = NDArray[np.float64]
 
-# Largest number of draws for which curves are computed; their 95 % intervals are accurate to a
-# twentieth of their width.
 _DEEPEST = 0.99  # quantile of the travel on either side up to which the shape is described
 # Ratio of slopes above which a curve is stiffening or softening: twice a spring's tolerance.
 _BENT = 1.1

@@ -155,7 +155,7 @@ def validate(
 
 
 def _prune(selection: Selection, seed: int) -> Selection:
-    """Remove the effects that later ones made unnecessary."""
+    """Remove effects that later ones made unnecessary, and those within the error of knots."""
     return _replace_effects(selection, *prune(selection.assessed, list(selection.effects), seed))
 
 

@@ -105,7 +105,8 @@ def transfer_frozen(
 ) -> tuple[Posterior, Array]:
     """Transfer a model's car and effects to recordings.
 
-    Effects of a single run are transferred only if the recordings are the model's ``same_runs``.
+    Effects of a single run are transferred only with ``same_runs``, that is, to the recordings to
+    which the model was fitted.
     """
     placed_effects: tuple[PlacedEffect, ...] = tuple(
         s for s in model.placed_effects if same_runs or s.run is None

@@ -1,4 +1,4 @@
-"""Preparation of recordings for the filter, and checks before any fit."""
+"""From recordings to prepared runs: events of long logs, checks, preparation for the filter."""
 
 from __future__ import annotations
 

@@ -210,6 +210,8 @@ def interval(parameter: Summary, digits: int = 2) -> str:
 
 def plus_minus(parameter: Summary) -> str:
     """Write mean and standard deviation, ``7.90 ± 0.10``."""
+    if not is_determined(parameter):
+        return NOT_DETERMINED
     return f"{number(parameter.mean, parameter.sd)} ± {number(parameter.sd, parameter.sd)}"
 
 
@@ -270,7 +272,9 @@ def compare(
     damper = name.startswith(("c_", "zeta"))
     word = _COMPARATIVES[side][damper]
     words = f"{difference(share)} {word} than nominal"
-    if abs(share) < SMALL_DIFFERENCE:
+    if not high < _MOST_UNCERTAIN * low:
+        words = f"{word} than nominal"
+    elif abs(share) < SMALL_DIFFERENCE:
         words = f"slightly {word} than nominal ({difference(share)})"
     return Comparison(side, words, word, share, p_below)
 
@@ -303,12 +307,12 @@ def parameter_sentence(name: str, parameter: Parameter) -> str:
     likelihood = (
         f"it is {likelihood_words(p)} ({probability(p)}) that it is {comparison.side} nominal"
     )
-    size = difference(comparison.share)
+    size = f"{difference(comparison.share)} " if is_determined(parameter) else ""
     if comparison.sense == "agrees":
         return (
-            f"{start}, which agrees with the nominal {nominal}: the difference of {size} is within "
+            f"{start}, which agrees with the nominal {nominal}: the difference of {size}is within "
             f"the uncertainty; {likelihood}."
         )
     if comparison.sense == "unclear":
         return f"{start}, too uncertain to compare with the nominal {nominal}; {likelihood}."
-    return f"{start}, {size} {comparison.side} the nominal {nominal}; {likelihood}."
+    return f"{start}, {size}{comparison.side} the nominal {nominal}; {likelihood}."

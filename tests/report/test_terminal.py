@@ -78,6 +78,11 @@ def test_an_interval_of_more_than_a_factor_of_ten_has_no_mean() -> None:
     assert parameters is not None
     row = next(row for row in parameters.rows if row[0].startswith("Front damping rate"))
     assert row[1:3] == ["not determined", "–"]
+    wide.eti95 = [10.0, 104.0]  # nominal is below it: by how much is not known
+    text = shown(document, verdict_lines(document))
+    assert "not determined" in text
+    assert "stiffer than nominal" in re.sub(r"\s+", " ", text)
+    assert " % stiffer" not in text.split("Rear")[0]
     wide.eti95 = [10.5, 104.0]
     assert "not determined" not in shown(document, verdict_lines(document))
 

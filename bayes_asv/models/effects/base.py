@@ -128,8 +128,8 @@ class Effect:
         From values at one tolerance, and the travel (m) and speed (m/s) of the drive: values with
         the same nonlinearity over that range, if it is smaller than usual.
     tolerance_ratio : callable or None
-        From parameter values and the values at one tolerance: size in tolerances; None if that
-        depends on the first parameter only.
+        From parameter values and the values at one tolerance: size in tolerances; None for the
+        ratio of the first parameter (of its logarithm, if that is log-normal).
     code : int
         Branch of :mod:`bayes_asv.filters.force_laws`; −1 for other effects.
     packed : callable or None

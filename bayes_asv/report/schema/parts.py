@@ -259,7 +259,8 @@ class SpringShape(Model):
     side: Annotated[str, OneOf("compression", "extension", "both")]
     probability: Share
     ratio: EffectValue
-    """Slope far from rest over slope near rest, or force in extension over compression."""
+    """Slope far from rest over slope near rest, or force in extension over compression; its mean
+    is geometric."""
 
 
 class SpringCurve(Model):

@@ -18,7 +18,6 @@ from bayes_asv.report.sections.blocks import Block, Figure, Section, Table, Text
 from bayes_asv.report.words import (
     LABELS,
     MISSING,
-    NOT_DETERMINED,
     capitalized,
     estimate_text,
     interval,
@@ -122,7 +121,7 @@ def parameter_table(parameters: Mapping[str, Parameter], title: str) -> Table:
     rows = [
         [
             capitalized(labelled(name, p.label, p.unit)),
-            number(p.mean, p.sd) if is_determined(p) else NOT_DETERMINED,
+            estimate_text(p, "", 2),
             number(p.sd, p.sd) if is_determined(p) else MISSING, interval(p), number(p.nominal),
             MISSING if p.withheld else probability(p.p_below_nominal),
         ]
@@ -137,7 +136,7 @@ def _si_table(parameters: Mapping[str, Parameter], title: str) -> Table:
     rows = [
         [
             capitalized(labelled(name, p.label, p.si.unit)),
-            plus_minus(p.si) if is_determined(p) else NOT_DETERMINED, interval(p.si),
+            plus_minus(p.si), interval(p.si),
             number(p.si.nominal),
         ]
         for name, p in parameters.items()
@@ -155,6 +154,9 @@ def _side_sentence(axle: str, ratio: SideRatio) -> str:
     p = max(ratio.p_left_softer, 1.0 - ratio.p_left_softer)
     start = (
         f"The {axle} left damper has {estimate_text(ratio, '')} times the rate of the right one "
+        f"(95 %: {interval(ratio, 1)})"
+        if is_determined(ratio)
+        else f"The rate of the {axle} left damper over that of the right one is not determined "
         f"(95 %: {interval(ratio, 1)})"
     )
     if p < _DISTINCT:

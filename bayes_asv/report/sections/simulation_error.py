@@ -19,6 +19,7 @@ from bayes_asv.report.words import (
     enumerated,
     estimate_text,
     interval,
+    is_determined,
     labelled,
     number,
     percent,
@@ -107,7 +108,8 @@ def shift_sentence(name: str, document: DiagnoseDocument) -> str:
     """State a parameter before and after the named effects were added."""
     before, after = document.parameters_before[name], document.parameters_after[name]
     return (
-        f"{capitalized(LABELS[name])}: {number(before.mean, before.sd)} before, "
+        f"{capitalized(LABELS[name])}: "
+        f"{estimate_text(before, '' if is_determined(after) else after.unit, 2)} before, "
         f"{estimate_text(after, after.unit, 2)} after "
         f"(95 %: {interval(after)}; nominal {number(after.nominal)})."
     )
