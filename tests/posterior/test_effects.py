@@ -76,7 +76,7 @@ def test_a_sensor_that_is_off_is_measured(name: str) -> None:
 
 @pytest.mark.parametrize(
     ("text", "mend"),
-    [("rust", "there are bound_rebound"), ("bound_rebound@left", "say bound_rebound@front")],
+    [("rust", "there are bound_rebound"), ("bound_rebound@left", "use bound_rebound@front")],
 )
 def test_an_effect_that_is_none_gets_one_sentence(text: str, mend: str) -> None:
     with pytest.raises(InputError, match=mend):
