@@ -1,4 +1,7 @@
-"""Exceptions: faults in the input that the user can correct, each with a one-line message."""
+"""Exceptions: faults in the input that the user can correct, each with a one-line message.
+
+And how such a message lists several things.
+"""
 
 from __future__ import annotations
 

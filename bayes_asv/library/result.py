@@ -11,7 +11,14 @@ from bayes_asv.domain.errors import InputError
 from bayes_asv.domain.files import PathLike, write_atomically
 from bayes_asv.library.extras import import_extra
 from bayes_asv.library.parameter import Parameter
-from bayes_asv.report.words import number, plain, probability, readable_unit
+from bayes_asv.report.words import (
+    NOT_DETERMINED,
+    is_determined,
+    number,
+    plain,
+    probability,
+    readable_unit,
+)
 
 if TYPE_CHECKING:
     import pandas as pd
@@ -175,6 +182,8 @@ class Result(DocumentResult):
         car = plain(self.vehicle.name)[:_MAX_NAME]
         about = ", ".join(
             f"{p.name} {number(p.mean, p.sd)} ± {number(p.sd, p.sd)} {readable_unit(p.unit)}"
+            if is_determined(p.interval())
+            else f"{p.name} {NOT_DETERMINED}"
             for p in list(self.parameters.values())[:3]
         )
         if not about:
@@ -185,7 +194,7 @@ class Result(DocumentResult):
         first, *others = self.lines()
         rows = [
             (
-                p.label, number(p.mean, p.sd), " to ".join(number(x, p.sd) for x in p.interval()),
+                p.label, _mean(p), " to ".join(number(x, p.sd) for x in p.interval()),
                 readable_unit(p.unit), number(p.nominal), probability(p.probability_below_nominal),
             )
             for p in self.parameters.values()
@@ -222,3 +231,9 @@ def html_table(
     table = f"<table><thead><tr>{cells}</tr></thead><tbody>{body}</tbody></table>" if rows else ""
     items = "".join(f"<li>{escape(text)}</li>" for text in notes)
     return f"<div><b>{escape(title)}</b>{table}<ul>{items}</ul></div>"
+
+
+def _mean(parameter: Parameter) -> str:
+    if not is_determined(parameter.interval()):
+        return NOT_DETERMINED
+    return number(parameter.mean, parameter.sd)

@@ -17,6 +17,7 @@ from bayes_asv.live.braille import round_limits
 from bayes_asv.live.downsampling import bucket_rows, downsample
 from bayes_asv.live.history import Snapshot
 from bayes_asv.live.metadata import MeasuredOutput, ViewMetadata
+from bayes_asv.live.session import FRAME_RATE
 from bayes_asv.live.text import consistency_text, parameter_card
 from bayes_asv.report.svg import COLOURS, style
 from bayes_asv.report.words import number
@@ -25,13 +26,11 @@ if TYPE_CHECKING:
     from matplotlib.axes import Axes
     from PIL.Image import Image
 
-__all__ = ["FRAME_RATE", "animation", "write_animation"]
+__all__ = ["animation", "write_animation"]
 
 Array = NDArray[np.float64]
 
 _WIDTH, _HEIGHT, _DPI = 9.6, 5.4, 80  # 768 by 432 pixels
-FRAME_RATE: Final = 12.5
-"""Frames per second."""
 _DEFAULT_LENGTH: Final = (4.0, 6.0)  # s, shortest and longest, where no speed is given
 _MIN_FRAMES, _MAX_FRAMES = 8, 400
 _HOLD: Final = 2.5  # s for which the last frame is shown

@@ -15,7 +15,10 @@ from bayes_asv.domain.errors import InputError
 from bayes_asv.live.history import History, Snapshot
 from bayes_asv.live.metadata import ViewMetadata
 
-__all__ = ["SPEEDS", "Playback", "PlaybackClock", "Session"]
+__all__ = ["FRAME_RATE", "SPEEDS", "Playback", "PlaybackClock", "Session"]
+
+FRAME_RATE: Final = 12.5
+"""Frames of a live view per second."""
 
 SPEEDS: Final = (0.01, 100.0)
 """Slowest and fastest playback, recording seconds per second."""

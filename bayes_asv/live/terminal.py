@@ -13,10 +13,9 @@ from typing import TYPE_CHECKING, Final
 import numpy as np
 
 from bayes_asv.domain.quantities import NORMAL_975
-from bayes_asv.live.animation import FRAME_RATE
 from bayes_asv.live.braille import gauge, plot, round_limits
 from bayes_asv.live.metadata import ViewMetadata
-from bayes_asv.live.session import Playback, Session
+from bayes_asv.live.session import FRAME_RATE, Playback, Session
 from bayes_asv.live.text import consistency_text, parameter_card, travel_text
 from bayes_asv.report.words import number
 

@@ -44,11 +44,11 @@ EffectValues = dict[PlacedEffect, dict[str, float]]
 
 # Bounds on the logarithm of a noise level relative to its prior centre: at most a factor of 1.5, or
 # 2 if the level is undeclared, so that noise cannot absorb a misfit.
-_NEAR_CAP, _UNKNOWN_CAP = 0.4, 0.7
-_NEAR_SD = 0.2  # prior sd of the logarithm of a declared noise level that is kept near its value
+_TIGHT_CAP, _UNKNOWN_CAP = 0.4, 0.7
+_TIGHT_SD = 0.2  # prior sd of the logarithm of a declared noise level that is kept near its value
 # Prior sd of the filtered share, probits: noise arises before a sensor's filter or after it, seldom
 # half and half.
-_NEAR_SHARE = 3.0
+_TIGHT_SHARE = 3.0
 _SHARE_HELD = 0.5  # filtered share where it is not sampled: beside a residual autoregression
 
 Kind = Literal[
@@ -330,7 +330,7 @@ class ParameterSpace:
         one = self.coordinates[k]
         if not self.tight_noise:
             return np.asarray(one.centre + one.scale * z[:, k])
-        cap = _NEAR_CAP if one.scale < NOISE_GIVEN_SD else _UNKNOWN_CAP
+        cap = _TIGHT_CAP if one.scale < NOISE_GIVEN_SD else _UNKNOWN_CAP
         return np.asarray(one.centre + cap * np.tanh(one.scale * z[:, k] / cap))
 
     def _sensors_of(self, run: int) -> int:
@@ -555,7 +555,7 @@ def make_parameter_space(
             if samples_noise:
                 sd = NOISE_UNKNOWN_SD if noise is None else NOISE_GIVEN_SD
                 if tight_noise and noise is not None:
-                    sd = _NEAR_SD
+                    sd = _TIGHT_SD
                 coordinates.append(
                     Coordinate(
                         "noise",
@@ -569,7 +569,7 @@ def make_parameter_space(
         noise_levels.append(levels)
         filtered = likelihood == "innovations" and bool(np.any(recording.poles > 0.0))
         if filtered and samples_noise:
-            width = _NEAR_SHARE if tight_noise else 1.0
+            width = _TIGHT_SHARE if tight_noise else 1.0
             coordinates.append(
                 Coordinate("filtered_share", f"filtered share {run}", 0.0, width, run=run)
             )

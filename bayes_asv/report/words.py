@@ -201,32 +201,31 @@ def labelled(name: str, label: str, unit: str) -> str:
 def interval(parameter: Summary, digits: int = 2) -> str:
     """Write a 95 % interval, ``7.72 to 8.08``."""
     low, high = parameter.eti95
-    if low > 0.0 and not is_determined(
-        parameter
-    ):  # digits of the sd would round the lower end to 0
+    # rounded to digits of the standard deviation, the lower end would be zero
+    if low > 0.0 and not is_determined(parameter.eti95):
         return f"{two_digits(low)} to {two_digits(high)}"
     return f"{number(low, parameter.sd, digits)} to {number(high, parameter.sd, digits)}"
 
 
 def plus_minus(parameter: Summary) -> str:
     """Write mean and standard deviation, ``7.90 ± 0.10``."""
-    if not is_determined(parameter):
+    if not is_determined(parameter.eti95):
         return NOT_DETERMINED
     return f"{number(parameter.mean, parameter.sd)} ± {number(parameter.sd, parameter.sd)}"
 
 
-def is_determined(parameter: Summary) -> bool:
+def is_determined(eti95: Iterable[float]) -> bool:
     """Whether the 95 % interval of a positive parameter spans less than a factor of ten.
 
     A wider one leaves the order of magnitude open, and neither mean nor standard deviation says so.
     """
-    low, high = parameter.eti95
+    low, high = eti95
     return high < _MOST_UNCERTAIN * low
 
 
 def estimate_text(parameter: Summary, unit: str, digits: int = 1) -> str:
     """Write the mean with its unit, in the digits of a sentence; without one if it is unknown."""
-    if not is_determined(parameter):
+    if not is_determined(parameter.eti95):
         return NOT_DETERMINED
     return f"{number(parameter.mean, parameter.sd, digits)} {readable_unit(unit)}".strip()
 
@@ -272,7 +271,7 @@ def compare(
     damper = name.startswith(("c_", "zeta"))
     word = _COMPARATIVES[side][damper]
     words = f"{difference(share)} {word} than nominal"
-    if not high < _MOST_UNCERTAIN * low:
+    if not is_determined((low, high)):
         words = f"{word} than nominal"
     elif abs(share) < SMALL_DIFFERENCE:
         words = f"slightly {word} than nominal ({difference(share)})"
@@ -307,7 +306,7 @@ def parameter_sentence(name: str, parameter: Parameter) -> str:
     likelihood = (
         f"it is {likelihood_words(p)} ({probability(p)}) that it is {comparison.side} nominal"
     )
-    size = f"{difference(comparison.share)} " if is_determined(parameter) else ""
+    size = f"{difference(comparison.share)} " if is_determined(parameter.eti95) else ""
     if comparison.sense == "agrees":
         return (
             f"{start}, which agrees with the nominal {nominal}: the difference of {size}is within "

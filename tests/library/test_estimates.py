@@ -83,6 +83,18 @@ def test_without_pandas_the_message_says_what_to_install(
         result.summary()
 
 
+def test_an_order_of_magnitude_that_is_open_has_no_mean(
+    result: asv.Estimate, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    wide = dataclasses.replace(
+        result["c_f"], mean=41.7, sd=60.3, _quantile=lambda p: 1.3 if p < 0.5 else 104.0
+    )
+    monkeypatch.setitem(result.parameters, "c_f", wide)
+    for text in (repr(result), result._repr_html_()):
+        assert "not determined" in text
+        assert "41.7" not in text
+
+
 def test_it_shows_itself_in_short(result: asv.Estimate, refused: asv.Estimate) -> None:
     for shown in (result, refused, result["c_f"]):
         assert len(repr(shown)) < 500

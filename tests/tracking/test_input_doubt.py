@@ -71,7 +71,7 @@ def test_a_watch_with_a_mistaken_input_raises_no_alarm() -> None:
 
 
 def test_the_last_active_rows_of_a_stream_are_checked_too() -> None:
-    """A sensor that drops out 20 s after the liveliest stretch."""
+    """A sensor that drops out 20 s after the most active stretch."""
     calm = case("rough", 4, DECLARED, seconds=25.0)[2]
     values = calm.values.copy()
     values[:, : len(calm.time) // 4] *= 1.5
@@ -82,7 +82,7 @@ def test_the_last_active_rows_of_a_stream_are_checked_too() -> None:
     assert kept[1].time[-1] > 17.5
 
 
-def test_a_fit_to_the_liveliest_stretch_has_to_hold_in_the_others() -> None:
+def test_a_fit_to_the_most_active_stretch_has_to_hold_in_the_others() -> None:
     recording, car = case("rough", 6, DECLARED, seconds=6.0)[2], vehicle(DECLARED)
     fit = screening_fit([replace_rows(recording, 1000)], car)
     assert fit is not None

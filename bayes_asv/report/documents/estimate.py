@@ -307,7 +307,7 @@ def _uncertainty_budget(
     width: UncertaintyBudget, result: EstimationResult
 ) -> schema.UncertaintyBudget:
     budgets = {
-        name: _answer_budget(name, budget, width, result)
+        name: _parameter_budget(name, budget, width, result)
         for name, budget in width.estimands.items()
     }
     faults = {}
@@ -327,7 +327,7 @@ def _uncertainty_budget(
     )
 
 
-def _answer_budget(
+def _parameter_budget(
     name: str, budget: EstimandBudget, width: UncertaintyBudget, result: EstimationResult
 ) -> schema.ParameterBudget:
     halve = []

@@ -122,7 +122,8 @@ def parameter_table(parameters: Mapping[str, Parameter], title: str) -> Table:
         [
             capitalized(labelled(name, p.label, p.unit)),
             estimate_text(p, "", 2),
-            number(p.sd, p.sd) if is_determined(p) else MISSING, interval(p), number(p.nominal),
+            number(p.sd, p.sd) if is_determined(p.eti95) else MISSING,
+            interval(p), number(p.nominal),
             MISSING if p.withheld else probability(p.p_below_nominal),
         ]
         for name, p in parameters.items()
@@ -155,7 +156,7 @@ def _side_sentence(axle: str, ratio: SideRatio) -> str:
     start = (
         f"The {axle} left damper has {estimate_text(ratio, '')} times the rate of the right one "
         f"(95 %: {interval(ratio, 1)})"
-        if is_determined(ratio)
+        if is_determined(ratio.eti95)
         else f"The rate of the {axle} left damper over that of the right one is not determined "
         f"(95 %: {interval(ratio, 1)})"
     )

@@ -109,7 +109,7 @@ def shift_sentence(name: str, document: DiagnoseDocument) -> str:
     before, after = document.parameters_before[name], document.parameters_after[name]
     return (
         f"{capitalized(LABELS[name])}: "
-        f"{estimate_text(before, '' if is_determined(after) else after.unit, 2)} before, "
+        f"{estimate_text(before, '' if is_determined(after.eti95) else after.unit, 2)} before, "
         f"{estimate_text(after, after.unit, 2)} after "
         f"(95 %: {interval(after)}; nominal {number(after.nominal)})."
     )

@@ -288,10 +288,10 @@ def cards(
                     f"{likelihood_words(p_side)} {comparison.side} nominal ({probability(p_side)})"
                 )
         nominal, (low, high) = None if comparison is None else p.nominal, p.eti95
+        mean = p.mean if is_determined(p.eti95) else None
         picture = svg.gauge(
-            f"gauge-{name.replace('_', '-')}", p.mean if is_determined(p) else None, low, high,
-            nominal, card["tone"],
-        )  # fmt: skip
+            f"gauge-{name.replace('_', '-')}", mean, low, high, nominal, card["tone"]
+        )
         gauges.append(picture)
         card |= {"gauge": picture.key, "alt": picture.alt}
         made.append(card)
