@@ -12,6 +12,7 @@ import math
 from pathlib import Path
 
 from bayes_asv.domain.clocks import GROUPS
+from bayes_asv.filters.force_laws import CURVE_KNOTS, SPRING_KNOTS
 from bayes_asv.models.effects import AXLES, BOTH, EFFECTS, Effect, Parameter
 
 __all__ = ["LAWS", "MEANINGS", "PAGE", "page"]
@@ -24,7 +25,7 @@ with $a=(\text{ratio}-1)/(\text{ratio}+1)$; $c$ is the mean of the two rates."""
     "digressive_damper": r"""$F=-k\delta-c\,\dot\delta\,\big(1+|\dot\delta/\text{knee}|^p\big)^{-1/p}$;
 $c$ is the slope at rest.""",
     "damper_curve": r"""$F=-k\delta-c\int_0^{\dot\delta} g(v)\,\mathrm dv$. The slope $g>0$ is piecewise linear
-between knots at rest, at ±12.5 mm/s and at each $\sqrt2$ times that up to ±0.8 m/s; from knot to knot $\ln g$ takes
+between knots at rest, at ±6.25 mm/s and at each $\sqrt2$ times that up to ±0.8 m/s; from knot to knot $\ln g$ takes
 independent steps. $g$ is scaled so that $c$ is the rate of the linear damper that takes the same power where
 the rates of deflection are normal with a standard deviation of 0.15 m/s.""",
     "damper_hysteresis": r"""The damper is in series with a stiffness $K$ (gas, oil, rubber mounts: a Maxwell element):
@@ -76,7 +77,7 @@ MEANINGS = {
     },
     "damper_curve": {
         **{f"{side}_{k}": "step of $\\ln g$ to the next knot"
-           for side in ("compression", "extension") for k in range(1, 14)},
+           for side in ("compression", "extension") for k in range(1, CURVE_KNOTS + 1)},
     },
     "damper_hysteresis": {"stiffness": "stiffness $K$ in series with the dampers of the axle"},
     "coulomb_friction": {
@@ -89,7 +90,7 @@ MEANINGS = {
     },
     "spring_curve": {
         **{f"{side}_{k}": "step of $\\ln g$ to the next knot"
-           for side in ("compression", "extension") for k in range(1, 11)},
+           for side in ("compression", "extension") for k in range(1, SPRING_KNOTS + 1)},
     },
     "bump_stop": {
         "rate": "spring rate of the stop", "gap": "compression from rest at which the stop is reached",

@@ -3,6 +3,9 @@
 from __future__ import annotations
 
 from dataclasses import dataclass, replace
+from itertools import product
+
+import numpy as np
 
 from bayes_asv.diagnosis.denoised_model import denoised_model, fit_denoised
 from bayes_asv.diagnosis.results import NamedEffect
@@ -13,7 +16,9 @@ from bayes_asv.diagnosis.tolerance_prior import (
     evidence_as_tolerance,
     tolerance_evidence,
 )
-from bayes_asv.models.effects import PlacedEffect
+from bayes_asv.filters.force_laws import KNOT_RATIO
+from bayes_asv.models.effects import BOTH, PlacedEffect
+from bayes_asv.models.effects.piecewise_slope import USUAL_STEP
 from bayes_asv.posterior.effect_fit import Candidate, candidates
 from bayes_asv.posterior.fitted_model import (
     Dataset,
@@ -22,6 +27,12 @@ from bayes_asv.posterior.fitted_model import (
     fit_linear_car,
     update_corrections,
 )
+from bayes_asv.posterior.free_simulation import free_run
+
+# Error of a free law's force, as a share: midway between two knots a random walk of ln g differs
+# from its straight course by half a step; 2/3 of that on average, over the √2 − 1 of the force that
+# accumulates between them.
+_KNOT_ERROR = (2.0 / 3.0) * 0.5 * USUAL_STEP * (KNOT_RATIO - 1.0)
 
 __all__ = [
     "AssessedModel",
@@ -211,15 +222,36 @@ def _is_within_error_of_knots(model: FittedModel, placed: PlacedEffect) -> bool:
     """Whether an effect is within its tolerance at a place where a law is free.
 
     Between its knots a free law differs from that of the car.  In precise recordings other effects
-    gain evidence by making up for that, as small as they are.
+    gain evidence by making up for that, as small as they are.  An external force has no tolerance;
+    it is compared with the error of the free law's own force.
     """
     effect = placed.effect
-    if effect.free_form or effect.tolerance_values is None:
+    if effect.free_form or not (effect.in_one_run or effect.tolerance_values):
         return False
-    if not any(s.effect.free_form and s.corners & placed.corners for s in model.placed_effects):
+    laws = [s for s in model.placed_effects if s.effect.free_form and s.corners & placed.corners]
+    if not laws:
         return False
+    values = model.space.effects(model.mode.z)[placed]
+    if effect.in_one_run:
+        at_each = 0.5 if placed.where == BOTH else 1.0
+        return at_each * abs(values["force"]) < _KNOT_ERROR * _largest_force(model, laws)
     tolerance = effect.tolerance_values_for(model.space.sizes)
-    return abs(effect.in_tolerances(model.space.effects(model.mode.z)[placed], tolerance)) < 1.0
+    return abs(effect.in_tolerances(values, tolerance)) < 1.0
+
+
+def _largest_force(model: FittedModel, laws: list[PlacedEffect]) -> float:
+    """Largest force of some free laws in the simulated runs, N."""
+    space, z = model.space, model.mode.z
+    elements, values = space.car.elements, space.values(z[None])
+    largest = 0.0
+    for run, placed in product(range(len(space.recordings)), laws):
+        states = free_run(model.posterior, z, run).states
+        for e in placed.elements(space.car):
+            on_damper = placed.effect.on_damper
+            rate = values[elements[e].damping if on_damper else elements[e].spring]
+            force = states[:, e - len(elements)] - float(rate[0]) * states[:, 2 * e + on_damper]
+            largest = max(largest, float(np.abs(force).max()))
+    return largest
 
 
 def _evidence_for(assessed: AssessedModel, placed_effects: tuple[PlacedEffect, ...]) -> float:

@@ -6,7 +6,8 @@
    they are removed only after that fault is named.
 3. A score test over all candidate effects: is any missing?
 4. Forward selection: the most probable effect is added and everything is fitted again, until no
-   effect is missing; effects that turn out to be unnecessary are removed.
+   effect is missing; effects that turn out to be unnecessary are removed, and all of them if they
+   simulate the fitted recordings worse than the linear car does.
 5. If the listed effects do not explain everything, free laws of the dampers or springs are tried in
    their place.
 6. Validation on held-out recordings with all parameters fixed: an effect that makes the simulation
@@ -55,6 +56,7 @@ from bayes_asv.diagnosis.model_comparison import (
 from bayes_asv.diagnosis.recording_faults import find_recording_faults
 from bayes_asv.diagnosis.results import DiagnosisResult, NamedEffect
 from bayes_asv.diagnosis.score_test import one_sided_squares
+from bayes_asv.diagnosis.simulation_error import compare_errors
 from bayes_asv.diagnosis.thresholds import ALTERNATIVE_MARGIN, SIGNIFICANCE_LEVEL
 from bayes_asv.diagnosis.unlisted_fault_fit import fit_unlisted_faults
 from bayes_asv.domain.clocks import declared_clocks
@@ -292,6 +294,9 @@ def _search(
         first = assess(dataset, linear, seed)
     start = start_selection(first, engine_found=engine is not None)
     selection = select_effects(start, seed, progress)
+    models = first.model, selection.assessed.model
+    if selection.effects and compare_errors(dataset, *models, seed, same_runs=True).worse:
+        selection = start  # the effects led to a wrong mode
     held_out = _holdout_dataset(given, holdout_runs, engine)
     selection = with_free_laws(selection, first, held_out, seed, progress)
     if engine is None:

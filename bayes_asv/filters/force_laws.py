@@ -66,9 +66,9 @@ __all__ = [
     SPRING_CURVE,
 ) = range(11)
 
-CURVE_KNOTS = 13
+CURVE_KNOTS = 15
 """Knots of a free damping curve on either side of rest."""
-CURVE_FIRST = 0.0125
+CURVE_FIRST = 0.00625
 """Speed of the first of them, m/s: the last is at 0.8 m/s."""
 SPRING_KNOTS = 10
 """Knots of a free spring curve on either side of rest."""

@@ -1,9 +1,9 @@
 """A damper whose curve is free: any force that rises with speed, each side its own.
 
 F = −c G(δ̇) with G(v) = ∫₀ᵛ g.  The relative slope g is piecewise linear between knots at
-0, ±12.5 mm/s and each √2 times the last up to ±0.8 m/s, constant beyond, and positive, so that the
-force rises with speed.  From knot to knot ln g takes independent steps of _USUAL sinh(z), with z
-standard normal: a random walk over the logarithm of speed, which is smooth where the data are not
+0, ±6.25 mm/s and each √2 times the last up to ±0.8 m/s, constant beyond, and positive, so that the
+force rises with speed.  From knot to knot ln g takes independent steps of USUAL_STEP sinh(z), with
+z standard normal: a random walk over the logarithm of speed, which is smooth where the data are not
 informative, and whose heavy tails (nine times the usual step at three standard deviations) permit a
 knee, or a damper whose slope falls over the whole range.
 
@@ -20,7 +20,12 @@ from scipy.stats import norm
 
 from bayes_asv.filters.force_laws import CURVE_FIRST, CURVE_KNOTS, DAMPER_CURVE, KNOT_RATIO
 from bayes_asv.models.effects.base import AXLES, BOTH, Array, Effect, Parameter
-from bayes_asv.models.effects.piecewise_slope import integral, slopes_of_steps, step_names
+from bayes_asv.models.effects.piecewise_slope import (
+    USUAL_STEP,
+    integral,
+    slopes_of_steps,
+    step_names,
+)
 
 __all__ = ["CURVE_SPEED", "EFFECT", "KNOTS", "slopes"]
 
@@ -34,7 +39,6 @@ _STEPS = step_names(CURVE_KNOTS)
 # Least relative slope: the rate of a damper in series with a stiffness is not determined by a force
 # that does not rise with speed.
 _FLATTEST = 1e-3
-_USUAL = 0.22  # scale of the prior of the steps of ln g from knot to knot
 
 
 def _weights() -> Array:
@@ -75,7 +79,7 @@ EFFECT = Effect(
     acts="suspension",
     allowed_places=(*AXLES, BOTH),
     parameters=tuple(
-        Parameter(name, "", "sinh", 0.0, _USUAL, (0.0,), shape=True) for name in _STEPS
+        Parameter(name, "", "sinh", 0.0, USUAL_STEP, (0.0,), shape=True) for name in _STEPS
     ),
     code=DAMPER_CURVE,
     packed=_packed,
@@ -84,6 +88,6 @@ EFFECT = Effect(
     contains=("bound_rebound", "digressive_damper"),
     free_form=True,
     on_request=True,
-    fit_starts=({}, dict.fromkeys(_STEPS, -_USUAL)),  # proportional to speed, or digressive
+    fit_starts=({}, dict.fromkeys(_STEPS, -USUAL_STEP)),  # proportional to speed, or digressive
     drive="bumps of several heights, so that the damper moves slowly and fast both ways",
 )

@@ -8,7 +8,10 @@ import numpy as np
 
 from bayes_asv.models.effects.base import Array
 
-__all__ = ["integral", "slopes_of_steps", "step_names"]
+__all__ = ["USUAL_STEP", "integral", "slopes_of_steps", "step_names"]
+
+USUAL_STEP = 0.22
+"""Scale of the prior of the steps of ln g from knot to knot."""
 
 _MOST = 50.0  # bound on |ln g|, to avoid overflow
 

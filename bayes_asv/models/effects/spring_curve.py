@@ -16,7 +16,12 @@ import numpy as np
 
 from bayes_asv.filters.force_laws import KNOT_RATIO, SPRING_CURVE, SPRING_FIRST, SPRING_KNOTS
 from bayes_asv.models.effects.base import AXLES, BOTH, Array, Effect, Parameter
-from bayes_asv.models.effects.piecewise_slope import integral, slopes_of_steps, step_names
+from bayes_asv.models.effects.piecewise_slope import (
+    USUAL_STEP,
+    integral,
+    slopes_of_steps,
+    step_names,
+)
 
 __all__ = ["EFFECT", "KNOTS", "slopes"]
 
@@ -24,7 +29,6 @@ _SIDE = SPRING_FIRST * KNOT_RATIO ** np.arange(SPRING_KNOTS)
 KNOTS: Array = np.concatenate([-_SIDE[::-1], [0.0], _SIDE])
 """Deflections at the knots, m."""
 _STEPS = step_names(SPRING_KNOTS)
-_STEP = 0.22  # prior sd of the steps of ln g from knot to knot
 
 
 def slopes(values: Mapping[str, float]) -> Array:
@@ -59,7 +63,7 @@ EFFECT = Effect(
     acts="suspension",
     allowed_places=(*AXLES, BOTH),
     parameters=tuple(
-        Parameter(name, "", "linear", 0.0, _STEP, (0.0,), shape=True) for name in _STEPS
+        Parameter(name, "", "linear", 0.0, USUAL_STEP, (0.0,), shape=True) for name in _STEPS
     ),
     code=SPRING_CURVE,
     packed=_packed,
@@ -68,7 +72,10 @@ EFFECT = Effect(
     contains=("progressive_spring",),
     free_form=True,
     on_request=True,
-    fit_starts=({}, dict.fromkeys(_STEPS, 0.5 * _STEP)),  # proportional to travel, or stiffening
+    fit_starts=(
+        {},
+        dict.fromkeys(_STEPS, 0.5 * USUAL_STEP),
+    ),  # proportional to travel, or stiffening
     drive="bumps of several heights, so that little and much of the travel is used",
     travel=True,
 )
