@@ -3,12 +3,12 @@
 To first order, a free damper law adds a force that is any function of the rate of deflection, and a
 free spring law one that is any function of deflection.  If such a law gains at least half of what
 the best unlisted fault gains, the axle with the largest gain gets it: a monotonic damping curve,
-different in compression and rebound, with a stiffness in series; or a monotonic spring curve.  The
-other axle follows if the same holds there.  Further effects are selected beside these laws, and the
-validation removes those that turn out to be unnecessary.  The resulting model replaces that with
-listed effects if its evidence is larger by the amount required of the law, and its error on
-held-out recordings is not larger.  The part whose law gains more is tried first, and the other one
-only if that fails.
+different in compression and rebound, with a stiffness in series if that is needed; or a monotonic
+spring curve.  The other axle follows if the same holds there.  Further effects are selected beside
+these laws, and the validation removes those that turn out to be unnecessary.  The resulting model
+replaces that with listed effects if its evidence is larger by the amount required of the law, and
+its error on held-out recordings is not larger.  The part whose law gains more is tried first, and
+the other one only if that fails.
 """
 
 from __future__ import annotations
@@ -17,7 +17,7 @@ from dataclasses import replace
 
 from bayes_asv.diagnosis.forward_selection import Selection, select_effects
 from bayes_asv.diagnosis.misspecification_test import misspecification_tests
-from bayes_asv.diagnosis.model_assessment import AssessedModel, assess
+from bayes_asv.diagnosis.model_assessment import AssessedModel, assess, prune
 from bayes_asv.diagnosis.model_comparison import weighted_posterior
 from bayes_asv.diagnosis.results import NamedEffect
 from bayes_asv.diagnosis.simulation_error import compare_errors
@@ -85,19 +85,20 @@ def _select_with_laws(
 ) -> Selection | None:
     """Select effects beside free laws of one part; None if no law explains enough."""
     current, law = linear, _best_free_law(part, linear)
+    named: list[NamedEffect] = []
     axles = list(linear.model.space.car.axles)
     while law.axle in axles and _explains_enough(law):
         axles.remove(law.axle)
         progress(0.7, f"fitting free laws of the {law.axle} {part}")
         placed_effects = [PlacedEffect(EFFECTS[name], law.axle) for name in _LAWS[part]]
         dataset, model = with_effects(current.dataset, placed_effects, current.model)
-        current = assess(dataset, model, seed)
+        named += [NamedEffect(placed, 1.0, (), {}) for placed in placed_effects]
+        current, named = prune(assess(dataset, model, seed), named, seed)
         if not _is_misspecified(current, seed):
             break
         law = _best_free_law(part, current)
     if current is linear:
         return None
-    named = [NamedEffect(placed, 1.0, (), {}) for placed in current.model.placed_effects]
     posteriors = weighted_posterior(current.model, current.evidence)
     start = replace(selection, assessed=current, effects=tuple(named), posteriors=posteriors)
     return select_effects(start, seed, progress, max_effects=MAX_EFFECTS + len(named))
