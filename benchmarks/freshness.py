@@ -64,6 +64,7 @@ RESULTS = {
     "compare": Result("compare.json", "benchmarks.compare", 30),
     "fleet": Result("fleet.json", "benchmarks.fleet", 15),
     "growth": Result("growth.json", "benchmarks.growth", 15),
+    "law forms": Result("law_forms.json", "benchmarks.law_forms", 1),
     "live": Result("live.json", "benchmarks.live", 5),
     "logger": Result("logger.json", "benchmarks.logger --seed 41", 60),
     "long logs": Result("long_logs.json", "benchmarks.long_logs", 5),

@@ -46,7 +46,7 @@ extension beyond the gap.""",
     "damper_fade": r"""$F=-k\delta-c\,\dot\delta\,\big(1-\text{loss}\,\frac{1-e^{-bs}}{1-e^{-b}}\big)$ with $s$ the
 elapsed fraction of the run; $c$ is the rate at its start.""",
     "external_force": r"""A force on the chassis at an axle, upward positive, that acts in one run only. It
-rises at `start` and falls after `duration` as $3s^2-2s^3$.""",
+rises about `start` and falls `duration` later, each within `rise` and as $3s^2-2s^3$.""",
     "spring_rate": r"""$F=-\text{factor}\cdot k\,\delta-c\,\dot\delta$ with $k$ the given rate. The linear
 car varies $k$ within its given standard deviation; the effect is named beyond about three of them.""",
     "weight_distribution": r"""The front weight fraction is $\text{factor}\cdot w$ with $w$ as given. The
@@ -107,7 +107,7 @@ MEANINGS = {
         "bend": "$b$: 0 for a linear loss in time, positive if it levels off",
     },
     "external_force": {
-        "force": "amplitude, upward on the chassis", "start": "beginning",
+        "force": "amplitude, upward on the chassis", "start": "middle of the rise",
         "duration": "duration", "rise": "time of the rise and of the fall",
     },
     "spring_rate": {"factor": f"spring rate {_FACTOR}"},
@@ -302,6 +302,22 @@ def _section(effect: Effect) -> str:
         "| parameter | unit | meaning | prior if named | tolerance |\n|---|---|---|---|---|\n"
         + "\n".join(rows)
         + "\n\n"
+        + _forms(effect)
+    )
+
+
+def _forms(effect: Effect) -> str:
+    """Say how much the parameters change with the formula."""
+    spread = [
+        f"`{p.name}` by {100.0 * math.expm1(p.form_spread):.0f} %"
+        for p in effect.parameters
+        if p.form_spread
+    ]
+    if not spread:
+        return ""
+    return (
+        f"Other formulas of this shape change {' and '.join(spread)} (one standard deviation), "
+        "which the reported interval includes.\n\n"
     )
 
 

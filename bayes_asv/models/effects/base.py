@@ -66,6 +66,9 @@ class Parameter:
         Unit of ``centre``, ``prior_scale`` and ``initial_values``, see :class:`Scale`; SI if empty.
     shape : bool
         Whether it determines only the shape of a law, and is not reported.
+    form_spread : float
+        Standard deviation of the logarithm of the parameter over the formulas that nature may have
+        chosen instead of the effect's; ``benchmarks/law_forms.py`` computes it.
     """
 
     name: str
@@ -76,6 +79,7 @@ class Parameter:
     initial_values: tuple[float, ...]
     prior_unit: str = ""
     shape: bool = False
+    form_spread: float = 0.0
 
     def size(self, scale: Scale) -> float:
         """Return the factor on the numbers of the prior for one car."""

@@ -34,7 +34,7 @@ EFFECT = Effect(
     acts="suspension",
     allowed_places=(*AXLES, BOTH),
     parameters=(
-        Parameter("loss", "", "linear", 0.0, 0.3, (0.1, 0.4)),
+        Parameter("loss", "", "linear", 0.0, 0.3, (0.1, 0.4), form_spread=0.04),
         Parameter("bend", "", "linear", 0.0, 1.5, (0.0,), shape=True),
     ),
     tolerance_values={"loss": 0.015, "bend": 0.0},

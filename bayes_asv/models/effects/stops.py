@@ -42,8 +42,8 @@ def _stop(name: str, title: str, code: int, sign: float, drive: str) -> Effect:
         acts="suspension",
         allowed_places=AXLES,
         parameters=(
-            Parameter("rate", "N/m", "log", 4.0, 1.2, (2.0, 10.0), prior_unit="spring"),
-            Parameter("gap", "m", "log", 0.04, 0.8, ()),
+            Parameter("rate", "N/m", "log", 4.0, 1.2, (2.0, 10.0), "spring", form_spread=0.3),
+            Parameter("gap", "m", "log", 0.04, 0.8, (), form_spread=0.04),
             Parameter("onset", "m", "log", 0.002, 0.9, (0.002,), shape=True),
             Parameter("power", "", "log", 1.0, 0.25, (1.0,), shape=True),
         ),

@@ -229,7 +229,10 @@ def effects(draws: Mapping[PlacedEffect, Mapping[str, Array]], vehicle: Vehicle)
 def effect_value(
     parameter: EffectParameter, draws: Array, placed: PlacedEffect, vehicle: Vehicle
 ) -> EffectValue:
-    """Mean and 95 % interval of one parameter of an effect from draws (N,), SI units."""
+    """Mean and 95 % interval of one parameter of an effect from draws (N,), SI units.
+
+    The interval includes that nature may have chosen another formula than the effect's.
+    """
     units = Units(vehicle.units)
     factor, unit = effect_unit(parameter.unit, units)
     if parameter.unit == "share":  # of the declared bandwidth
@@ -238,7 +241,9 @@ def effect_value(
         channel = vehicle.channel(placed.where)
         factor = relative_offset(channel.quantity) * units.convert(1.0, channel.dimension)
         unit = f"{units.unit(channel.dimension)}/s"
-    low, high = (float(q) * factor for q in np.quantile(draws, [0.025, 0.975]))
+    form = np.random.default_rng(len(draws)).standard_normal(len(draws))
+    widened = draws * np.exp(parameter.form_spread * form)
+    low, high = (float(q) * factor for q in np.quantile(widened, [0.025, 0.975]))
     return EffectValue(mean=float(draws.mean()) * factor, eti95=[low, high], unit=unit)
 
 
