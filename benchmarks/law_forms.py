@@ -33,7 +33,7 @@ _POINTS = 400  # instants of a motion
 _RESOLUTION = 0.01  # of a force, over its root mean square
 _SCALE = Scale(load=700.0, spring=18000.0)
 _C, _K = 1500.0, 18000.0
-_TRAVEL, _SPEED = 0.02, 0.2  # root mean squares of deflection (m) and rate (m/s)
+_TRAVEL, _SPEED = 0.02, 0.15  # root mean squares of deflection (m) and rate (m/s)
 
 
 class Motion(NamedTuple):
@@ -65,12 +65,14 @@ def _uniform_log(rng: np.random.Generator, low: float, high: float) -> float:
 
 
 def _unequal_sides(rng: np.random.Generator, at: Motion) -> Form:
-    """Draw two slopes with a sharp, a hyperbolic-tangent or an exponential transition."""
+    """Draw two slopes with a sharp or a soft transition, or sides that part as a hyperbola."""
     ratio = _uniform_log(rng, 1.2, 3.0) ** rng.choice([-1.0, 1.0])
-    share, width = (ratio - 1.0) / (ratio + 1.0), _uniform_log(rng, 0.003, 0.03)
+    share, width = (ratio - 1.0) / (ratio + 1.0), _uniform_log(rng, 0.003, 0.05)
     x = at.rate / width
-    side = [np.sign(x), np.tanh(x), np.sign(x) * -np.expm1(-np.abs(x))][rng.integers(3)]
-    return Form(-_C * at.rate * (1.0 + share * side), {"ratio": float(ratio)})
+    more = [
+        np.abs(x), x * np.tanh(x), np.abs(x) * -np.expm1(-np.abs(x)), np.hypot(x, 1.0) - 1.0
+    ][rng.integers(4)]  # fmt: skip
+    return Form(-_C * (at.rate + share * width * more), {"ratio": float(ratio)})
 
 
 def _flattening(rng: np.random.Generator, at: Motion) -> Form:
@@ -193,6 +195,8 @@ def _fitted(name: str, at: Motion, wanted: Form) -> dict[str, float]:
 def spreads(runs: int = RUNS, seed: int = 1) -> dict[str, dict[str, float]]:
     """Return the spread of fitted over true value, as a standard deviation of the logarithm.
 
+    For a ratio, which is one without the effect, value means its logarithm.
+
     Parameters
     ----------
     runs : int
@@ -213,8 +217,12 @@ def spreads(runs: int = RUNS, seed: int = 1) -> dict[str, dict[str, float]]:
             at = _motion(rng)
             wanted = form(rng, at)
             found = _fitted(name, at, wanted)
-            for key, value in wanted.values.items():
-                ratios.setdefault(key, []).append(float(np.log(max(found[key], 1e-9) / value)))
+            for p in EFFECTS[name].parameters:
+                if p.name in wanted.values:
+                    here, there = found[p.name], wanted.values[p.name]
+                    if p.is_ratio:
+                        here, there = np.log(here), np.log(there)
+                    ratios.setdefault(p.name, []).append(float(np.log(max(here / there, 1e-9))))
         out[name] = {
             key: float(np.quantile(np.abs(logs), 0.95)) / 1.96 for key, logs in ratios.items()
         }

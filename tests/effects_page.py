@@ -309,7 +309,7 @@ def _section(effect: Effect) -> str:
 def _forms(effect: Effect) -> str:
     """Say how much the parameters change with the formula."""
     spread = [
-        f"`{p.name}` by {100.0 * math.expm1(p.form_spread):.0f} %"
+        f"{'the logarithm of ' if p.is_ratio else ''}`{p.name}` by {100.0 * p.form_spread:.0f} %"
         for p in effect.parameters
         if p.form_spread
     ]

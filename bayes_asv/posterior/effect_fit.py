@@ -11,6 +11,7 @@ from __future__ import annotations
 import math
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, replace
+from itertools import combinations
 
 import numpy as np
 from numpy.typing import NDArray
@@ -191,7 +192,8 @@ _MODE_MARGIN = 1.0  # nats by which another mode must exceed the current one
 _SHAPE_ENDS = (-2.0, 2.0)  # far ends of a shape coordinate from which to start again, prior sd
 _END_DISTANCE = 1.5  # least distance of a far end from the mode, prior sd
 _MAX_END_LOSS = 10.0  # nats; a far end that costs more is excluded by the data
-_PULSE_DURATIONS = (0.12, 0.35, 1.0)  # initial durations of a force pulse that a user names, s
+_MAX_EDGES = 8  # beginnings and ends of force pulses that are compared
+_EDGE_DISTANCE = 0.05  # least time between two of them, s
 
 
 def read_effect(text: str) -> PlacedEffect:
@@ -277,24 +279,51 @@ def _groups(model: FittedModel, dataset: Dataset, placed: PlacedEffect) -> list[
     if not placed.effect.in_one_run:
         return [[c for c in candidates(model, dataset.vehicle) if str(c.placed) == str(placed)]]
     runs = range(len(dataset.recordings)) if placed.run is None else (placed.run,)
+    return [_best_pulses(model, dataset, replace(placed, run=run)) for run in runs]
+
+
+def _best_pulses(model: FittedModel, dataset: Dataset, placed: PlacedEffect) -> list[Candidate]:
+    """List the pulses of one run that gain most, as starting values.
+
+    A pulse is the difference of two steps.  Only one that begins and ends near the true one finds
+    it; therefore all pairs of the most informative steps are compared, those at which the gain of a
+    step by itself has its peaks.
+    """
+    posterior = dataset.posterior((*model.placed_effects, placed))
     steps = [
         c
         for c in candidates(model, dataset.vehicle)
-        if c.is_step and c.placed.where == _first_place(model)
+        if c.is_step and c.placed.where == _first_place(model) and c.placed.run == placed.run
     ]
-    return [
-        [
-            replace(
-                c,
-                placed=replace(placed, run=run),
-                values={**c.values, "duration": duration},
-                is_step=False,
+
+    def gain(values: Mapping[str, float]) -> tuple[float, float]:
+        """Gain (nats) of the best force for these times, to second order, and that force."""
+        small = values["force"]
+        z = [
+            transfer_coordinates(
+                model.space, model.mode.z, posterior.space, placed, {**values, "force": force}
             )
-            for c in steps
-            for duration in _PULSE_DURATIONS
-            if c.placed.run == run
+            for force in (-small, 0.0, small)
         ]
-        for run in runs
+        below, at, above = posterior.log_posterior(np.array(z)).tolist()
+        slope, curvature = 0.5 * (above - below), 2.0 * at - above - below
+        if not curvature > 0.0:
+            return 0.0, small
+        return 0.5 * slope**2 / curvature, slope / curvature * small
+
+    edges: list[float] = []
+    for step in sorted(steps, key=lambda step: -gain(step.values)[0]):
+        start = step.values["start"]
+        if len(edges) < _MAX_EDGES and all(abs(start - x) >= _EDGE_DISTANCE for x in edges):
+            edges.append(start)
+    pulses = [
+        {**steps[0].values, "start": start, "duration": end - start}
+        for start, end in combinations(sorted(edges), 2)
+    ]
+    best = sorted(((*gain(values), values) for values in pulses), key=lambda one: -one[0])
+    return [
+        Candidate(placed, {**values, "force": force}, False, False, is_start=True)
+        for _, force, values in best[:_MAX_STARTS]
     ]
 
 

@@ -237,7 +237,6 @@ def sensor_corrections(
     declared : (E, ny) array
         Simulated outputs of sensors as declared.
     """
-    begin = recording.instants[0] - recording.elapsed[0]
     lag_series, ramp, exact_lag = [], [], []
     high_pass: list[Array | None] = []
     above: list[NominalOutput | None] = []
@@ -272,7 +271,7 @@ def sensor_corrections(
                 -1.0 if c in recording.inputs else 1.0,
             )
         )
-        ramp.append(to_instants(relative_offset(channel.quantity) * (time - begin)))
+        ramp.append(to_instants(relative_offset(channel.quantity) * (time - recording.start_time)))
     pole = float(np.max(recording.poles)) or 2.0 * math.pi * NO_FILTER / recording.reading_step
     wheel_at = np.stack([w.spline(recording.instants) for w in recording.wheels], axis=1)
     return SensorCorrections(

@@ -228,6 +228,7 @@ def prepare(recording: Recording, vehicle: Vehicle, car: CarModel) -> PreparedRe
         quantization_steps=steps,
         poles=poles,
         bias_directions=directions,
+        start_time=float(recording.time[0]),
         source=Path(recording.source).name,
         log_sha256=recording.sha256,
         scale_sd=scale_sd,

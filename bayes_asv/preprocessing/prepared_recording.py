@@ -130,6 +130,8 @@ class PreparedRecording:
         Pole of the filter that the readings of a channel passed, rad/s; 0 without one.
     bias_directions : (nu, nd) array
         Directions of biases of the inputs that the outputs do not absorb.
+    start_time : float
+        First time stamp of the recording, s.
     source : str
         File name without its folder, for messages and reports.
     scale_sd : (C,) array
@@ -145,8 +147,6 @@ class PreparedRecording:
         Correction of the likelihood for these bands.
     standstill_noise : (E, nu) array or None
         Process noise added at standstill for quantisation error.
-    start_time : float or None
-        Time at which the recording began, s, if a filter removed its beginning.
     clock_variants : ClockVariants or None
         The recording with other clock errors, if these are unknown.
     log_sha256 : str
@@ -175,6 +175,7 @@ class PreparedRecording:
     quantization_steps: Array
     poles: Array
     bias_directions: Array
+    start_time: float
     source: str
     scale_sd: Array = field(default_factory=lambda: np.zeros(0))
     below: float | None = None
@@ -182,7 +183,6 @@ class PreparedRecording:
     notches: tuple[tuple[float, float], ...] = ()
     removed_band: RemovedBand | None = None
     standstill_noise: Array | None = None
-    start_time: float | None = None
     log_sha256: str = ""
     clock_variants: ClockVariants | None = None
 
@@ -237,7 +237,7 @@ class PreparedRecording:
     @property
     def elapsed(self) -> Array:
         """Times at the ends of steps since the recording began (E,), s."""
-        return self.instants - (self.instants[0] if self.start_time is None else self.start_time)
+        return self.instants - self.start_time
 
     @property
     def noise_spread(self) -> Array:

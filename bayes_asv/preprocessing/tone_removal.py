@@ -361,7 +361,6 @@ def notched(recording: PreparedRecording, notches: Sequence[Notch]) -> PreparedR
         removed_band=removed_band(np.abs(response) ** 2, len(plan.group_instants), step, system),
         notches=tuple(notches),
         standstill_noise=None,
-        start_time=recording.instants[0] if recording.start_time is None else recording.start_time,
     )
 
 

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import math
 from collections.abc import Iterable, Mapping, Sequence
+from contextlib import suppress
 from dataclasses import dataclass, field, replace
 from typing import Any
 
@@ -84,6 +85,9 @@ class Judged:
         For c_f, c_r, i: the 95 % interval overlaps the true span.
     width_after : dict of str to float
         Its width over 2 x 1.96 times the true value.
+    effects_covered : tuple of (str, str, bool)
+        For each reported parameter of an effect that is true by name and place: effect, parameter,
+        and whether the 95 % interval holds its true value.
     seconds : float
         Computing time.
     """
@@ -103,6 +107,7 @@ class Judged:
     covered_before: dict[str, bool] = field(default_factory=dict)
     covered_after: dict[str, bool] = field(default_factory=dict)
     width_after: dict[str, float] = field(default_factory=dict)
+    effects_covered: tuple[tuple[str, str, bool], ...] = ()
     seconds: float = 0.0
 
     @property
@@ -161,6 +166,7 @@ def _judge(document: Mapping[str, Any], truth: Truth, seconds: float) -> Judged:
         covered_before=_covered(document.get("parameters_before"), truth),
         covered_after=_covered(document.get("parameters_after"), truth),
         width_after=_widths(document.get("parameters_after"), truth),
+        effects_covered=_effects_covered(effects, truth),
         seconds=seconds,
     )
 
@@ -221,6 +227,34 @@ def _covered(parameters: Mapping[str, Any] | None, truth: Truth) -> dict[str, bo
             low, high = truth.meant[name]
             out[name] = ends[0] <= high and ends[1] >= low
     return out
+
+
+def _effects_covered(
+    effects: Sequence[Mapping[str, Any]], truth: Truth
+) -> tuple[tuple[str, str, bool], ...]:
+    out = []
+    for one in effects:
+        true = next((e for e in truth.effects if (e.name, e.where) == _claim(one)), None)
+        for name, value in (one.get("parameters") or {}).items():
+            span = None if true is None else true.span(name)
+            if span is None or value.get("eti95") is None:
+                continue
+            factor = _to_si(str(value["unit"]))
+            low, high = (float(end) * factor for end in value["eti95"])
+            out.append((str(one["name"]), name, low <= span[1] and high >= span[0]))
+    return tuple(out)
+
+
+def _to_si(unit: str) -> float:
+    """Return the factor to SI of the unit of an effect's parameter."""
+    if unit.startswith("1/") and unit.endswith("^2"):
+        return si_factor(unit[2:-2], "length") ** -2
+    if unit.endswith("^2/s"):  # a drift
+        return si_factor(unit[:-2], "acceleration")
+    for dimension in ("force", "stiffness", "length", "velocity", "time", "frequency"):
+        with suppress(InputError):
+            return si_factor(unit, dimension)
+    return 1.0
 
 
 def _widths(parameters: Mapping[str, Any] | None, truth: Truth) -> dict[str, float]:

@@ -21,6 +21,7 @@ from benchmarks.battery.tables import (
     by_effect,
     by_strength,
     coverage_table,
+    effects_coverage_table,
     gap_table,
     outside_table,
     short_answer,
@@ -122,6 +123,8 @@ def _tables(cases: Sequence[Judged]) -> list[str]:
          "cent; the width is the relative standard deviation of the widest of the three, "
          "median.\n\n",
          coverage_table),
+        ("Intervals of effects' parameters", "95 % intervals that hold the true value, of effects "
+         "that are named at their place; the lowest first.\n\n", effects_coverage_table),
     )  # fmt: skip
     parts = []
     for title, words, made in there:

@@ -33,6 +33,7 @@ __all__ = [
     "by_effect",
     "by_strength",
     "coverage_table",
+    "effects_coverage_table",
     "gap_table",
     "outside_table",
     "short_answer",
@@ -260,6 +261,29 @@ def coverage_table(cases: Sequence[Judged]) -> str:
             rows.append(row)
     head = [f"{name} {when}" for name in PARAMETERS for when in ("before", "after")]
     return table(["kind, noncentrality", "cases", *head, "widest after"], rows)
+
+
+def effects_coverage_table(cases: Sequence[Judged]) -> str:
+    """Tabulate the coverage of the 95 % intervals of effects' parameters, by effect."""
+    found: dict[str, dict[str, list[bool]]] = {}
+    for one in cases:
+        for effect, parameter, covered in one.effects_covered:
+            found.setdefault(effect, {}).setdefault(parameter, []).append(covered)
+    rows = []
+    for effect in sorted(found, key=lambda name: _held(found[name])):
+        of = found[effect]
+        each = ", ".join(f"{name} {sum(own)} of {len(own)}" for name, own in of.items())
+        rows.append([effect, percent(count_true([x for own in of.values() for x in own])), each])
+    every = [x for of in found.values() for own in of.values() for x in own]
+    if every:
+        rows.append(["all", percent(count_true(every)), f"{sum(every)} of {len(every)}"])
+    return table(["effect", "intervals that hold, %", "by parameter"], rows)
+
+
+def _held(found: Mapping[str, Sequence[bool]]) -> float:
+    """Share of true values in lists by name."""
+    every = [x for own in found.values() for x in own]
+    return sum(every) / len(every)
 
 
 # Display of effect sizes: parameter, value without the effect, factor, unit.

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Mapping
-from dataclasses import asdict, dataclass
+from dataclasses import asdict, dataclass, field
 from typing import Any
 
 from tests.battery.vehicles import Fleet
@@ -31,6 +31,9 @@ class TrueEffect:
         an error that a given value can take up is none there.
     run : int or None
         The only fitted run with the effect; None if all runs have it.
+    spans : dict of str to (float, float)
+        Ends of what a parameter may rightly be said to be, where the law of the simulator has
+        another form and does not determine it; SI.
     """
 
     name: str
@@ -41,6 +44,14 @@ class TrueEffect:
     noncentrality: float
     held_out: float
     run: int | None = None
+    spans: dict[str, tuple[float, float]] = field(default_factory=dict)
+
+    def span(self, parameter: str) -> tuple[float, float] | None:
+        """Return the ends of the true value of a parameter; None if the fault has none."""
+        if parameter in self.spans:
+            return self.spans[parameter]
+        value = self.parameters.get(parameter)
+        return None if value is None else (value, value)
 
 
 @dataclass(frozen=True)
@@ -108,6 +119,9 @@ def from_dict(plain: Mapping[str, Any]) -> Truth:
     TypeError, KeyError, ValueError
         If it is invalid.
     """
-    effects = tuple(TrueEffect(**one) for one in plain["effects"])
+    effects = tuple(
+        TrueEffect(**{**one, "spans": {k: (a, b) for k, (a, b) in one.get("spans", {}).items()}})
+        for one in plain["effects"]
+    )
     meant = {key: (float(low), float(high)) for key, (low, high) in plain["meant"].items()}
     return Truth(**{**plain, "effects": effects, "meant": meant})

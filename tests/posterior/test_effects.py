@@ -15,7 +15,7 @@ from bayes_asv.posterior.fisher_scoring import slopes
 from bayes_asv.posterior.fitted_model import Dataset, make_dataset
 from bayes_asv.preprocessing.run_preparation import prepare_runs
 from tests.posterior.cases import EXACT, as_recording, vehicle
-from tests.rig import DEFAULT_SPEEDS, TERRAINS, RigCar, SensorSpec, baja, draw, drive
+from tests.rig import DEFAULT_SPEEDS, TERRAINS, Push, RigCar, SensorSpec, baja, draw, drive
 
 
 def driven(terrain: str, spec: SensorSpec) -> tuple[RigCar, Vehicle, Recording]:
@@ -72,6 +72,24 @@ def test_a_sensor_that_is_off_is_measured(name: str) -> None:
     assert abs(stage.mode.z[k] - z) < 3.0 * sd
     assert abs(z) > 6.0 * sd  # and it is measured, not merely allowed for
     assert placed.effect.parameters[0].name == parameter
+
+
+@pytest.mark.parametrize("push", [Push(260.0, 0.99, 0.4), Push(-320.0, 1.1, 0.2, "front")])
+def test_a_push_is_found_at_its_time_and_place(push: Push) -> None:
+    car = draw(baja(), np.random.default_rng([11, 3]), EXACT)
+    run = drive(
+        car, TERRAINS["stops"](5), DEFAULT_SPEEDS["stops"], 400.0, 2.5, SensorSpec(), 6,
+        forces=[push],
+    )  # fmt: skip
+    recording = as_recording(run, "run.csv")
+    _, model = with_effects(
+        laid(recording, vehicle(EXACT)), (read_effect(f"external_force@{push.where}"),)
+    )
+    found = model.space.effects(model.mode.z)[model.placed_effects[0]]
+    # times count from the first row, although body sensors are read later than their stamps say
+    assert found["start"] == pytest.approx(push.start, abs=1e-3)
+    assert found["start"] + found["duration"] == pytest.approx(push.start + push.duration, abs=1e-3)
+    assert found["force"] == pytest.approx(push.force, rel=0.05)
 
 
 @pytest.mark.parametrize(

@@ -67,8 +67,9 @@ class Parameter:
     shape : bool
         Whether it determines only the shape of a law, and is not reported.
     form_spread : float
-        Standard deviation of the logarithm of the parameter over the formulas that nature may have
-        chosen instead of the effect's; ``benchmarks/law_forms.py`` computes it.
+        Standard deviation of the logarithm of the parameter (of a ratio: of its logarithm) over the
+        formulas that nature may have chosen instead of the effect's; ``benchmarks/law_forms.py``
+        computes it.
     """
 
     name: str
@@ -95,6 +96,16 @@ class Parameter:
         if self.form == "sinh":
             return np.asarray(size * (self.centre + self.prior_scale * np.sinh(np.asarray(z))))
         return np.asarray(size * (self.centre + self.prior_scale * np.asarray(z)))
+
+    @property
+    def is_ratio(self) -> bool:
+        """Whether one means that there is no effect."""
+        return self.form == "log" and not self.unit
+
+    def in_other_forms(self, values: Array, normal: Array) -> Array:
+        """Values (N,) in formulas that nature may have chosen, from standard normal draws (N,)."""
+        factor = np.exp(self.form_spread * normal)
+        return np.asarray(values**factor if self.is_ratio else values * factor)
 
     def coordinate(self, value: float, scale: Scale) -> float:
         """Coordinate of a value; the inverse of :meth:`value`."""

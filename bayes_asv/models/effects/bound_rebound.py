@@ -36,7 +36,7 @@ EFFECT = Effect(
     acts="suspension",
     allowed_places=(*AXLES, BOTH),
     parameters=(
-        Parameter("ratio", "", "log", 1.0, 0.7, (1.5, 3.0, 0.6)),
+        Parameter("ratio", "", "log", 1.0, 0.7, (1.5, 3.0, 0.6), form_spread=0.045),
         Parameter("rounding", "m/s", "log", 0.015, 0.7, (0.015,), shape=True),
     ),
     tolerance_values={"ratio": 1.03, "rounding": 0.015},

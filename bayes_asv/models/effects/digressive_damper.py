@@ -53,7 +53,7 @@ EFFECT = Effect(
     acts="suspension",
     allowed_places=(*AXLES, BOTH),
     parameters=(
-        Parameter("knee", "m/s", "log", 0.5, 1.2, (0.1, 0.25, 0.6, 1.5, 4.0), form_spread=0.12),
+        Parameter("knee", "m/s", "log", 0.5, 1.2, (0.1, 0.25, 0.6, 1.5, 4.0), form_spread=0.13),
         Parameter("sharpness", "", "log", 2.2, 0.25, (2.2,), shape=True),
     ),
     tolerance_values={"knee": 2.5, "sharpness": 2.0},  # 2 % less at 0.5 m/s

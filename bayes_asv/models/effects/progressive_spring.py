@@ -36,7 +36,7 @@ EFFECT = Effect(
     parameters=(
         # κ δ² = 0.4 at 5 cm of travel; heavy-tailed, since it may be as large at 1 cm on a car with
         # little travel
-        Parameter("kappa", "1/m^2", "sinh", 0.0, 150.0, (20.0, 150.0), form_spread=0.06),
+        Parameter("kappa", "1/m^2", "sinh", 0.0, 150.0, (20.0, 150.0), form_spread=0.065),
         Parameter("curl", "", "linear", 0.15, 0.15, (0.15,), shape=True),
     ),
     tolerance_values={"kappa": 6.0, "curl": 0.15},  # 1.5 % at 5 cm

@@ -241,8 +241,8 @@ def effect_value(
         channel = vehicle.channel(placed.where)
         factor = relative_offset(channel.quantity) * units.convert(1.0, channel.dimension)
         unit = f"{units.unit(channel.dimension)}/s"
-    form = np.random.default_rng(len(draws)).standard_normal(len(draws))
-    widened = draws * np.exp(parameter.form_spread * form)
+    normal = np.random.default_rng(len(draws)).standard_normal(len(draws))
+    widened = parameter.in_other_forms(draws, normal)
     low, high = (float(q) * factor for q in np.quantile(widened, [0.025, 0.975]))
     return EffectValue(mean=float(draws.mean()) * factor, eti95=[low, high], unit=unit)
 
