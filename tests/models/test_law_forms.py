@@ -34,4 +34,3 @@ def test_a_fit_to_other_forms_spreads_as_much() -> None:
     found = spreads(40, seed=2)
     for effect, name in (("coulomb_friction", "force"), ("progressive_spring", "kappa")):
         assert found[effect][name] == pytest.approx(_of(effect, name).form_spread, rel=0.5)
-    assert found["bound_rebound"]["ratio"] < _NEGLIGIBLE
