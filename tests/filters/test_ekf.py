@@ -30,8 +30,8 @@ CASES = {
         **{f"extension_{k}": -0.06 for k in range(1, 11)},
     },
     "damper_curve@front": {
-        **{f"compression_{k}": -0.3 for k in range(1, 14)},
-        **{f"extension_{k}": 0.09 for k in range(1, 14)},
+        **{f"compression_{k}": -0.3 for k in range(1, 16)},
+        **{f"extension_{k}": 0.09 for k in range(1, 16)},
     },
 }
 STIFFNESS = placed_effect("damper_hysteresis@front")

@@ -19,8 +19,8 @@ from tests.filters.test_force_laws import table
 
 C, STIFFNESS = 310.0, 256_000.0
 # logarithms of the slopes from knot to knot: soft, stiff, and soft again beyond
-COMPRESSION = (2.0, -1.6, -1.6, 0.75, 0.75, -0.95, -0.95, -0.3, -0.3, 0.1, 0.1, 0.0, 0.0)
-EXTENSION = (0.3, 0.15, 0.15, -0.5, -0.5, -0.45, -0.45, -0.2, -0.2, 0.05, 0.05, 0.0, 0.0)
+COMPRESSION = (1.0, 0.5, 0.5, -1.6, -1.6, 0.75, 0.75, -0.95, -0.95, -0.3, -0.3, 0.1, 0.1, 0.0, 0.0)
+EXTENSION = (0.1, 0.1, 0.1, 0.15, 0.15, -0.5, -0.5, -0.45, -0.45, -0.2, -0.2, 0.05, 0.05, 0.0, 0.0)
 
 
 def damper() -> tuple[Effect, dict[str, float], np.ndarray]:
