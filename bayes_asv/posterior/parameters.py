@@ -198,6 +198,17 @@ class ParameterSpace:
         """Number of coordinates of the car, of gains and of effects, which come first."""
         return self.car_dimension + sum(c.kind in ("gain", "effect") for c in self.coordinates)
 
+    @cached_property
+    def heavy_tailed(self) -> NDArray[np.bool_]:
+        """Which coordinates (D,) are those of parameters with a hyperbolic-sine prior."""
+        names = {
+            placed.coordinate_name(p)
+            for placed in self.placed_effects
+            for p in placed.effect.parameters
+            if p.form == "sinh"
+        }
+        return np.array([name in names for name in self.names], bool)
+
     def effects(self, z: Array) -> EffectValues:
         """Values of the effects' parameters, SI units, at coordinates (D,)."""
         return {

@@ -10,8 +10,8 @@ from typing import Any
 
 from bayes_asv.domain.errors import InputError
 from bayes_asv.domain.units import si_factor
+from bayes_asv.models.effects import EFFECTS
 from benchmarks.battery.run import Result
-from tests.battery.effects import EFFECTS
 from tests.battery.truth import TrueEffect, Truth
 from tests.battery.unlisted_faults import NAMES
 
@@ -22,6 +22,8 @@ PARAMETERS = ("c_f", "c_r", "i")
 _DIMENSION = {"c_f": "damping", "c_r": "damping", "i": "pitch_inertia"}
 # Relative increase of the gap that counts, where a document has no bootstrap interval.
 _CHANGED = 0.01
+
+_ENGINE = "engine_vibration"  # which the diagnosis names as well, although it is no effect
 
 Claim = tuple[str, str]
 
@@ -139,10 +141,17 @@ def _judge(document: Mapping[str, Any], truth: Truth, seconds: float) -> Judged:
     effects: Sequence[Mapping[str, Any]] = document.get("effects") or []
     flagged = verdict == "unexplained" or bool((document.get("unexplained") or {}).get("present"))
     told = [_claim(one) for one in effects]
-    classes = [[_claim(one), *map(_claim, one.get("indistinguishable_from") or [])]
-               for one in effects]  # fmt: skip
+    classes = [
+        [
+            (name, where)
+            for claim, where in (_claim(one), *map(_claim, one.get("indistinguishable_from") or []))
+            # a free curve is of the class of the laws that it contains
+            for name in (claim, *(EFFECTS[claim].contains if claim in EFFECTS else ()))
+        ]
+        for one in effects
+    ]
     called = [replace(one, name=NAMES.get(one.name, one.name)) for one in truth.effects]
-    listed = tuple(one for one in called if one.name in EFFECTS or one.name in NAMES.values())
+    listed = tuple(one for one in called if one.name in EFFECTS or one.name == _ENGINE)
     right = [any(_says(mine, one, classes) for one in listed) for mine in classes]
     probabilities = tuple(
         (float(one["probability"]), yes) for one, yes in zip(effects, right, strict=True)
@@ -183,7 +192,7 @@ def _covers(claims: Iterable[Claim], one: TrueEffect) -> bool:
     there = set(claims)
     if (one.name, one.where) in there:
         return True
-    if one.name == "engine_vibration" and (one.name, "") in there:
+    if one.name == _ENGINE and (one.name, "") in there:
         return True
     return one.where == "both" and {(one.name, "front"), (one.name, "rear")} <= there
 

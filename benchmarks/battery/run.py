@@ -20,7 +20,17 @@ from benchmarks.battery.seal import Answer, Key, digest, now
 from benchmarks.calibration.store import About
 from tests.battery.cases import make_case
 
-__all__ = ["LOOSE", "PACKED", "Job", "Result", "diagnose_all", "drop", "load", "pack_results"]
+__all__ = [
+    "LOOSE",
+    "PACKED",
+    "Job",
+    "Result",
+    "diagnose_all",
+    "drop",
+    "kept",
+    "load",
+    "pack_results",
+]
 
 Progress = Callable[[float, str], None]
 
@@ -199,4 +209,9 @@ def _document(diagnoser: Diagnoser, *given: Any) -> dict[str, Any]:
         json.dumps(document, allow_nan=False)
     except Exception as exc:  # any exception counts as a result
         return {"verdict": "error", "reasons": [f"{type(exc).__name__}: {exc}"[:300]]}
+    return kept(document)
+
+
+def kept(document: Mapping[str, Any]) -> dict[str, Any]:
+    """Return the parts of a document that are judged."""
     return {key: document[key] for key in _KEPT if key in document}

@@ -14,6 +14,7 @@ from bayes_asv.models.car_model import CarModel
 from bayes_asv.models.effects import PlacedEffect
 from bayes_asv.posterior.effects import law_table
 from bayes_asv.posterior.fitted_model import FittedModel
+from bayes_asv.posterior.model_error import draw_cars
 from bayes_asv.report.documents.quantities import Units, without_single_rate
 from bayes_asv.report.schema import diagnose as schema
 from bayes_asv.report.schema.parts import EffectValue
@@ -135,7 +136,7 @@ def _draws(model: FittedModel, seed: int) -> Array:
     """Draws (N, p) from Laplace's approximation at the mode."""
     rng = np.random.default_rng([seed, 61])
     covariance = np.linalg.inv(model.mode.slopes.precision())
-    return rng.multivariate_normal(model.mode.z, covariance, _DRAWS, method="eigh")
+    return draw_cars(model.space, model.mode.z, covariance, _DRAWS, rng)
 
 
 def _with_ranks(ranked: Array, marginal: Array) -> Array:

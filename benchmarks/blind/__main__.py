@@ -1,0 +1,93 @@
+"""Run the blind cases, each once; results are on disk as soon as they are done."""
+
+from __future__ import annotations
+
+import argparse
+import json
+import signal
+import sys
+import tempfile
+import time
+import zlib
+from dataclasses import asdict
+from functools import partial
+from pathlib import Path
+
+from bayes_asv.diagnosis.workflow import diagnose
+from bayes_asv.domain.errors import InputError
+from bayes_asv.library.progress import progress_bar
+from bayes_asv.report.documents.diagnose import diagnose_document
+from benchmarks.battery.json_lines import append
+from benchmarks.battery.parallel import run_parallel
+from benchmarks.battery.run import LOOSE, Result, kept, load
+from benchmarks.blind.cases import case, in_turn
+from benchmarks.blind.page import write_page
+from benchmarks.blind.simulator.cases import CELLS, SEED
+from benchmarks.calibration.bench import ROOT, about
+from benchmarks.calibration.store import About
+
+__all__ = ["RESULTS", "main"]
+
+RESULTS = ROOT / "benchmarks" / "results" / "blind"
+
+
+def main(arguments: list[str] | None = None) -> int:
+    """Run the command; return the exit status."""
+    parser = argparse.ArgumentParser(
+        prog="python -m benchmarks.blind",
+        description="Diagnose cars, roads and faults of an author who knows the user pages alone.",
+    )
+    parser.add_argument("--cells", nargs="+", metavar="NAME", help="beginnings of names of cells")
+    parser.add_argument("--runs", type=int, help="cases per cell at most")
+    parser.add_argument("--processes", type=int, default=2)
+    parser.add_argument("--out", type=Path, default=RESULTS, help="folder of the results")
+    parser.add_argument("--report", action="store_true", help="write the page from the results")
+    given = parser.parse_args(arguments)
+    if given.report:
+        write_page(given.out, ROOT / "docs")
+        return 0
+    cells = {
+        name: count
+        for name, count in CELLS.items()
+        if given.cells is None or any(name.startswith(x) for x in given.cells)
+    }
+    told = about(SEED)
+    done_before = load(given.out)
+    wanted = [key for key in in_turn(cells, given.runs) if key not in done_before]
+    try:
+        with progress_bar() as progress:
+
+            def keep(result: Result, done: int) -> None:
+                append(given.out / LOOSE, [asdict(result)])
+                if progress is not None:
+                    progress(done / len(wanted), f"{result.name}: {done} of {len(wanted)} cases")
+
+            run_parallel(partial(_diagnosed, told), wanted, given.processes, keep)
+    except InputError as exc:
+        print(exc, file=sys.stderr)
+        return 2
+    except KeyboardInterrupt:
+        print("stopped; the same command resumes", file=sys.stderr)
+        return 130
+    return 0
+
+
+def _diagnosed(told: About, key: tuple[str, int]) -> Result:
+    """Diagnose one case; an exception is a result as well."""
+    begun = time.strftime("%Y-%m-%dT%H:%M:%SZ", time.gmtime())
+    with tempfile.TemporaryDirectory() as folder:
+        recordings, holdout, vehicle, truth = case(*key, Path(folder))
+        start = time.perf_counter()
+        try:
+            seed = zlib.crc32(json.dumps(key).encode())
+            found = diagnose(recordings, holdout, vehicle, seed)
+            document = kept(diagnose_document(found).to_dict())
+        except Exception as exc:  # any exception counts as a result
+            document = {"verdict": "error", "reasons": [f"{type(exc).__name__}: {exc}"[:300]]}
+    seconds = round(time.perf_counter() - start, 2)
+    return Result(*key, "", begun, seconds, {**document, "truth": asdict(truth)}, told)
+
+
+if __name__ == "__main__":
+    signal.signal(signal.SIGTERM, signal.default_int_handler)  # stop as on an interrupt
+    sys.exit(main())

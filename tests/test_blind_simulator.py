@@ -1,0 +1,263 @@
+"""Checks of the simulator, of the linear car, and of the cases. ``pytest`` takes under a minute."""
+
+from __future__ import annotations
+
+import tomllib
+import zlib
+from functools import cache
+
+import numpy as np
+import pytest
+
+from benchmarks.blind.simulator import CELLS, make
+from benchmarks.blind.simulator.cars import FAMILIES, GRAVITY, Car, draw_car
+from benchmarks.blind.simulator.cases import SEED, _draw_faults
+from benchmarks.blind.simulator.kinds import CHANNELS
+from benchmarks.blind.simulator.scene import Scene, Wish, draw_scene
+from benchmarks.blind.simulator.signals import LinearSystem, filtered, interpolated
+from benchmarks.blind.simulator.simulate import Drive, integrate
+from benchmarks.blind.simulator.sizing import UnreachableError, build, sized
+from benchmarks.blind.simulator.strength import half_car
+from benchmarks.blind.simulator.suspension import FORMS, suspension_fault
+
+
+@cache
+def _scene(seed: int, fine: float = 4400.0, roads: tuple[str, ...] = ()) -> Scene:
+    return draw_scene(np.random.default_rng(seed), Wish(roads, fine=fine))
+
+
+def _car() -> Car:
+    return draw_car(FAMILIES["quadricycle"], np.random.default_rng(5))
+
+
+def _flat(step: float, count: int) -> Drive:
+    still = np.zeros((2 * count - 1, 2))
+    return Drive(0.0, step, step * (count - 1), 1.0, still, still, still)
+
+
+class _Tug:
+    """A force on both ends of the chassis for half a second, N."""
+
+    states = 0
+
+    def __init__(self, step: float) -> None:
+        self.step = step
+
+    def act(self, now: object) -> None:
+        """Push until half a second has gone."""
+        half = now.half  # type: ignore[attr-defined]
+        if 0.5 * half * self.step < 0.5:
+            now.force[4] += 300.0  # type: ignore[attr-defined]
+            now.force[5] -= 100.0  # type: ignore[attr-defined]
+
+
+def test_energy_that_is_lost_is_the_work_of_dampers_and_tyres() -> None:
+    """What kinetic and spring energy (J) lose is what dampers and tyres take."""
+    car, step, count = _car(), 1.0 / 8000.0, 12001
+    history = integrate(car, [_flat(step, count)], np.zeros(1, int), [_Tug(step)])
+    x, delta, rate = history.state[:, :, 0], history.delta[:, :, 0], history.rate[:, :, 0]
+    masses = np.array([car.m, car.i, *car.unsprung])
+    energy = 0.5 * (x[:, 4:8] ** 2 @ masses + delta**2 @ np.array(car.k))
+    energy += 0.5 * x[:, 2:4] ** 2 @ np.array(car.tyre)
+    power = rate**2 @ np.array(car.c) + x[:, 6:8] ** 2 @ np.array(car.tyre_damping)
+    begin = 4200
+    work = np.cumsum(0.5 * (power[begin:-1] + power[begin + 1 :])) * step
+    assert energy[begin] > 0.5
+    np.testing.assert_allclose(energy[begin] - energy[begin + 1 :], work, atol=1e-5 * energy[begin])
+
+
+def test_wheels_that_hang_fall_freely() -> None:
+    """A tyre does not pull: an axle that is thrown up leaves the road."""
+    car, step = _car(), 1.0 / 5000.0
+    drive = _flat(step, 2001)
+    height = drive.height.copy()
+    height[400:] = -0.5
+    drop = Drive(0.0, step, drive.length, 1.0, height, drive.rate, drive.slope)
+    history = integrate(car, [drop], np.zeros(1, int))
+    first = history.flow[205, :, 0]
+    load = GRAVITY * car.m * car.wdf
+    assert first[6] == pytest.approx(-(load + GRAVITY * car.unsprung[0]) / car.unsprung[0], rel=0.1)
+
+
+@pytest.mark.parametrize(
+    ("name", "form", "size"),
+    [
+        ("coulomb_friction", "LuGre", 0.006),
+        ("bump_stop", "Hunt-Crossley", 0.08),
+    ],
+)
+def test_finer_steps_change_nothing(name: str, form: str, size: float) -> None:
+    """Steps 1.8 times as fine, whose error is some ten times less."""
+    rows, noise = [], np.zeros(4)
+    for fine in (4400.0, 8000.0):
+        scene = _scene(31, fine)
+        part = suspension_fault(name, scene, "front", form, np.random.default_rng(1))
+        built = build(scene, [(part, size)])
+        rows.append([scene.pure(m, n, built.sensing) for n, m in enumerate(built.motions)])
+        noise = np.array([scene.declared.sensors[c].noise for c in CHANNELS])
+    for coarse, fine_rows in zip(*rows, strict=True):
+        error = (coarse - fine_rows) / noise
+        assert float(np.sqrt(np.mean(error**2))) < 0.01
+        assert float(np.max(np.abs(error))) < 0.3
+
+
+def test_linear_car_has_its_transfer_function() -> None:
+    """Two uncoupled axles where i = m a b: (c s + k)/(m s² + c s + k) each; a sine's answer."""
+    m, length, wdf = 300.0, 1.8, 0.45
+    a, b = (1.0 - wdf) * length, wdf * length
+    p = np.array([900.0, 1300.0, m * a * b, m, wdf, 15e3, 21e3])
+    car = half_car(p, length)
+    f = np.linspace(0.2, 40.0, 60)
+    s = 2j * np.pi * f
+    answer = car.transfer(f)
+    for axle, (c, k, mass) in enumerate(((900.0, 15e3, m * wdf), (1300.0, 21e3, m * (1 - wdf)))):
+        np.testing.assert_allclose(answer[:, axle, axle], (c * s + k) / (mass * s**2 + c * s + k))
+        np.testing.assert_allclose(answer[:, axle, 1 - axle], 0.0, atol=1e-12)
+    coupled = half_car(np.array([900.0, 1300.0, 0.7 * m * a * b, m, wdf, 15e3, 21e3]), length)
+    step, turn = 1.0 / 3000.0, 2.0 * np.pi * 9.0
+    t = step * np.arange(30000)
+    u = np.stack([np.sin(turn * t), np.zeros_like(t)], 1)
+    gain = coupled.transfer(np.array([9.0]))[0, :, 0]
+    late = slice(24000, None)
+    for axle in range(2):
+        steady = np.imag(gain[axle] * np.exp(1j * turn * t))
+        y = coupled.response(u, step)[:, axle]
+        np.testing.assert_allclose(y[late], steady[late], atol=1e-5)
+
+
+def test_filters_and_interpolation_are_exact_enough() -> None:
+    """Responses to a sine of 25 Hz are those of the formula."""
+    step, turn = 1.0 / 4000.0, 2.0 * np.pi * 25.0
+    t = step * np.arange(8000)
+    for poles in ((-300.0 + 0j,), (complex(-400.0, 300.0), complex(-400.0, -300.0))):
+        gain = np.prod([1.0 / (1.0 - 1j * turn / p) for p in poles])
+        y, answer = filtered(np.sin(turn * t), step, poles), np.imag(gain * np.exp(1j * turn * t))
+        np.testing.assert_allclose(y[4000:-2], answer[4000:-2], atol=1e-5)
+    at = t[100:-100] + 0.37 * step
+    np.testing.assert_allclose(
+        interpolated(np.sin(turn * t), 0.0, step, at), np.sin(turn * at), atol=1e-5
+    )
+
+
+def test_simulator_and_linear_car_agree_without_faults() -> None:
+    """What the linear car leaves of noise-free readings is far below their noise."""
+    for seed in (1, 2, 3):
+        scene = _scene(seed)
+        stick = scene.yardstick
+        inputs = [run.inputs(y) for run, y in zip(stick.runs, scene.base[:2], strict=True)]
+        misfit = stick._misfit(np.zeros(7), inputs, scene.base[:2])
+        assert float(misfit @ misfit) < 0.2
+
+
+def test_null_residuals_are_the_noise() -> None:
+    """Whitened residuals of null cases have a variance of one."""
+    ratios = []
+    for seed in range(5):
+        scene = _scene(100 + seed)
+        built, rng = build(scene, []), np.random.default_rng(seed)
+        rows = [scene.noisy(built.motions[n], n, rng) for n in range(2)]
+        count = 2 * sum(len(y) for y in rows) - 19
+        ratios.append(scene.yardstick.distance(rows) / count)
+    assert np.mean(ratios) == pytest.approx(1.0, abs=0.025)
+    assert max(ratios) < 1.12
+
+
+def test_noise_factor_is_seen() -> None:
+    """Noise a fifth above declared shows as a variance of 1.44."""
+    scene = _scene(104)
+    built, rng = build(scene, []), np.random.default_rng(0)
+    rows = [scene.noisy(built.motions[n], n, rng, factor=1.2) for n in range(2)]
+    count = 2 * sum(len(y) for y in rows) - 19
+    assert scene.yardstick.distance(rows) / count == pytest.approx(1.44, abs=0.12)
+
+
+@pytest.mark.parametrize("name", ["bound_rebound"])
+def test_strengths_hit_their_target(name: str) -> None:
+    """The size that is found has a strength in the range wanted."""
+    rng = np.random.default_rng(8)
+    for _ in range(6):
+        scene = draw_scene(rng, Wish(lively=True))
+        part = suspension_fault(name, scene, "rear", FORMS[name][0], rng)
+        try:
+            found = sized(scene, part, (295.0, 305.0 * 1.6), rng)
+        except UnreachableError:
+            continue
+        assert 270.0 < found.built.strength < 530.0
+        return
+    pytest.fail("no scene reached the target")
+
+
+@pytest.mark.parametrize(
+    ("cell", "number"), [("null", 7), ("single:sensor_lag", 1), ("outside:stuck_bit", 2)]
+)
+def test_cases_are_reproducible_and_well_formed(cell: str, number: int) -> None:
+    """The same cell and number give the same case; its parts fit together."""
+    one, two = make(cell, number), make(cell, number)
+    assert one.vehicle_toml == two.vehicle_toml
+    assert one.truth == two.truth
+    for first, second in zip(one.runs + one.held_out, two.runs + two.held_out, strict=True):
+        for channel in CHANNELS:
+            np.testing.assert_array_equal(first.channels[channel], second.channels[channel])
+            assert np.all(np.isfinite(first.channels[channel]))
+            assert len(first.channels[channel]) == len(first.time)
+        assert 2.0 <= first.time[-1] <= 4.0
+    assert len(one.runs) == 2
+    assert len(one.held_out) == 1
+    assert one.truth.road != one.truth.held_out_road
+
+
+def test_different_cases_differ() -> None:
+    """Numbers give different cars."""
+    assert make("null", 1).vehicle_toml != make("null", 2).vehicle_toml
+
+
+def test_vehicle_file_has_what_the_page_asks_for() -> None:
+    """All keys are there, and filters where the fault needs them."""
+    text = tomllib.loads(make("single:sensor_bandwidth", 0).vehicle_toml)
+    assert set(text["known"]) == {
+        "sprung_mass",
+        "wheelbase",
+        "front_weight_fraction",
+        "front_spring_rate",
+        "rear_spring_rate",
+    }
+    assert set(text["nominal"]) == {"front_damping", "rear_damping", "pitch_inertia"}
+    assert set(text["sensors"]) == set(CHANNELS)
+    assert all("bandwidth" in sensor for sensor in text["sensors"].values())
+
+
+def test_recordings_are_those_of_cars() -> None:
+    """Peaks of readings, no clipping, and steps of the converter."""
+    for number in range(4):
+        case = make("null", 20 + number)
+        limits = tomllib.loads(case.vehicle_toml)["sensors"]
+        for run in case.runs + case.held_out:
+            for channel, reading in run.channels.items():
+                peak = float(np.max(np.abs(reading)))
+                assert peak < limits[channel]["range"]["value"] * GRAVITY
+                assert 0.5 < peak < 65.0
+
+
+def test_truth_of_a_fault_lies_in_its_spans() -> None:
+    """The strength in the truth is that of the case, and spans are ordered."""
+    case = make("single:sensor_gain", 1)
+    rng = np.random.default_rng([SEED, zlib.crc32(b"single:sensor_gain"), 1, 0])
+    try:
+        _, _, built, _ = _draw_faults("single:sensor_gain", 1, rng)
+        assert built.strength == pytest.approx(case.truth.strength)
+    except UnreachableError:
+        pass
+    for fault in case.truth.faults:
+        for low, high in fault.parameters.values():
+            assert low <= high
+    assert 36.0 < case.truth.strength < 4400.0
+
+
+def test_cells_are_complete() -> None:
+    """The brief asks for these cells."""
+    assert CELLS["null"] == 600
+    assert sum(name.startswith("outside:") for name in CELLS) >= 12
+    assert sum(name.startswith("single:") for name in CELLS) == 17
+    assert isinstance(
+        LinearSystem(-np.eye(1), np.eye(1), np.eye(1), np.zeros((1, 1))), LinearSystem
+    )
