@@ -24,6 +24,7 @@ from bayes_asv.analysis.curve_shapes import SLOWEST, CurveShape, curve_shapes, l
 from bayes_asv.filters.force_laws import excess_many
 from bayes_asv.filters.suspension_forces import damper_force_history
 from bayes_asv.models.effects import PlacedEffect
+from bayes_asv.models.effects.piecewise_slope import between_knots
 from bayes_asv.posterior.effects import law_table
 from bayes_asv.posterior.likelihood import Posterior
 
@@ -137,12 +138,14 @@ def damping_rates(
         for rate, recording in zip(rates, space.recordings, strict=True):
             power += damper_force_history(tables, e, c, rate, recording.measurements.step) @ rate
         compression, extension = -curve[:, : len(side)], curve[:, len(side) : 2 * len(side)]
+        free_form = any(placed.effect.free_form for placed in laws_of_element)
+        force = curve[:, 2 * len(side) :]
         out.append(
             DampingRates(
                 element.name,
                 element.damping,
                 power / square / c,
-                any(placed.effect.free_form for placed in laws_of_element),
+                free_form,
                 speed,
                 (extension[:, 0] + compression[:, 0]) / (2.0 * _AT_REST),
                 power / square,
@@ -150,7 +153,7 @@ def damping_rates(
                 extension[:, 1] / speed,
                 _shapes(compression, extension),
                 shown,
-                curve[:, 2 * len(side) :],
+                between_knots(force) if free_form else force,
             )
         )
     return tuple(out)

@@ -18,6 +18,7 @@ from numpy.typing import NDArray
 from bayes_asv.analysis.curve_shapes import SLOWEST, CurveShape, curve_shapes, log_bend, ratio
 from bayes_asv.analysis.damping_rates import MAX_DRAWS
 from bayes_asv.filters.force_laws import excess_many
+from bayes_asv.models.effects.piecewise_slope import between_knots
 from bayes_asv.posterior.effects import law_table
 from bayes_asv.posterior.likelihood import Posterior
 
@@ -133,7 +134,7 @@ def spring_curves(
                 extension=force[:, 5] / travel[1],
                 shapes=curve_shapes(bends, sides, ("softening", "stiffening"), _BENT),
                 deflection=shown,
-                force=force[:, 8:],
+                force=between_knots(force[:, 8:]),
             )
         )
     return tuple(out)

@@ -16,9 +16,8 @@ from bayes_asv.diagnosis.tolerance_prior import (
     evidence_as_tolerance,
     tolerance_evidence,
 )
-from bayes_asv.filters.force_laws import KNOT_RATIO
 from bayes_asv.models.effects import BOTH, PlacedEffect
-from bayes_asv.models.effects.piecewise_slope import USUAL_STEP
+from bayes_asv.models.effects.piecewise_slope import KNOT_ERROR
 from bayes_asv.posterior.effect_fit import Candidate, candidates
 from bayes_asv.posterior.fitted_model import (
     Dataset,
@@ -28,11 +27,6 @@ from bayes_asv.posterior.fitted_model import (
     update_corrections,
 )
 from bayes_asv.posterior.free_simulation import free_run
-
-# Error of a free law's force, as a share: midway between two knots a random walk of ln g differs
-# from its straight course by half a step; 2/3 of that on average, over the √2 − 1 of the force that
-# accumulates between them.
-_KNOT_ERROR = (2.0 / 3.0) * 0.5 * USUAL_STEP * (KNOT_RATIO - 1.0)
 
 __all__ = [
     "AssessedModel",
@@ -234,7 +228,7 @@ def _is_within_error_of_knots(model: FittedModel, placed: PlacedEffect) -> bool:
     values = model.space.effects(model.mode.z)[placed]
     if effect.in_one_run:
         at_each = 0.5 if placed.where == BOTH else 1.0
-        return at_each * abs(values["force"]) < _KNOT_ERROR * _largest_force(model, laws)
+        return at_each * abs(values["force"]) < KNOT_ERROR * _largest_force(model, laws)
     tolerance = effect.tolerance_values_for(model.space.sizes)
     return abs(effect.in_tolerances(values, tolerance)) < 1.0
 

@@ -6,12 +6,17 @@ from collections.abc import Mapping
 
 import numpy as np
 
+from bayes_asv.filters.force_laws import KNOT_RATIO
 from bayes_asv.models.effects.base import Array
 
-__all__ = ["USUAL_STEP", "integral", "slopes_of_steps", "step_names"]
+__all__ = ["KNOT_ERROR", "USUAL_STEP", "between_knots", "integral", "slopes_of_steps", "step_names"]
 
 USUAL_STEP = 0.22
 """Scale of the prior of the steps of ln g from knot to knot."""
+KNOT_ERROR = (2.0 / 3.0) * 0.5 * USUAL_STEP * (KNOT_RATIO - 1.0)
+"""Largest usual error of the force between two knots, as a share: midway a random walk of ln g
+differs from its straight course by half a step; 2/3 of that on average, over the √2 − 1 of the
+force that accumulates between them."""
 
 _MOST = 50.0  # bound on |ln g|, to avoid overflow
 
@@ -35,6 +40,15 @@ def slopes_of_steps(values: Mapping[str, float], names: tuple[str, ...]) -> Arra
     compression, extension = (np.cumsum(side) for side in np.split(steps, 2))
     logs = np.concatenate([compression[::-1], [0.0], extension])
     return np.asarray(np.exp(np.clip(logs, -_MOST, _MOST)))
+
+
+def between_knots(force: Array) -> Array:
+    """Add to draws (N, P) of a force what lies between the knots, independent at each point.
+
+    The standard deviation is half of :data:`KNOT_ERROR`.
+    """
+    normal = np.random.default_rng(force.shape).standard_normal(force.shape)
+    return np.asarray(force * (1.0 + 0.5 * KNOT_ERROR * normal))
 
 
 def integral(knots: Array, slopes: Array, x: Array) -> Array:

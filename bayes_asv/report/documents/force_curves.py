@@ -135,7 +135,7 @@ class _ForceLaw:
 def _draws(model: FittedModel, seed: int) -> Array:
     """Draws (N, p) from Laplace's approximation at the mode."""
     rng = np.random.default_rng([seed, 61])
-    covariance = np.linalg.inv(model.mode.slopes.precision())
+    covariance = np.asarray(np.linalg.inv(model.mode.slopes.precision()), np.float64)
     return draw_cars(model.space, model.mode.z, covariance, _DRAWS, rng)
 
 
