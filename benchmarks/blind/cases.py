@@ -35,8 +35,7 @@ def case(cell: str, number: int, folder: Path) -> Case:
         [_as_read(run, folder / f"{name}-{k + 1}.csv") for k, run in enumerate(runs)]
         for name, runs in (("run", drawn.runs), ("held-out", drawn.held_out))
     )
-    vehicle = read_vehicle(folder / "car.toml")
-    return fitted, held, vehicle, _truth(drawn, vehicle)
+    return fitted, held, read_vehicle(folder / "car.toml"), _truth(drawn)
 
 
 def in_turn(cells: dict[str, int], runs: int | None = None) -> list[tuple[str, int]]:
@@ -57,7 +56,7 @@ def _as_read(run: Run, path: Path) -> Recording:
     return read_recording(path)
 
 
-def _truth(drawn: Drawn, vehicle: Vehicle) -> Truth:
+def _truth(drawn: Drawn) -> Truth:
     true = drawn.truth
     meant = {"c_f": true.c_f, "c_r": true.c_r, "i": true.i}
     return Truth(
@@ -68,7 +67,7 @@ def _truth(drawn: Drawn, vehicle: Vehicle) -> Truth:
         kind=true.cell.partition(":")[0],
         modifier="",
         strength=true.strength,
-        effects=tuple(_effect(fault, vehicle, true.strength) for fault in true.faults),
+        effects=tuple(_effect(fault, true.strength) for fault in true.faults),
         car={name: 0.5 * (low + high) for name, (low, high) in meant.items()},
         meant=meant,
         terrain=true.road,
@@ -80,12 +79,7 @@ def _truth(drawn: Drawn, vehicle: Vehicle) -> Truth:
     )
 
 
-def _effect(fault: Fault, vehicle: Vehicle, strength: float) -> TrueEffect:
-    spans = dict(fault.parameters)
-    if "bandwidth" in spans and fault.where:  # a share of the declared one
-        declared = vehicle.sensor(fault.where).bandwidth or 1.0
-        low, high = spans["bandwidth"]
-        spans["bandwidth"] = (low * declared, high * declared)
+def _effect(fault: Fault, strength: float) -> TrueEffect:
     return TrueEffect(
         name=fault.name,
         where=fault.where or "",
@@ -94,5 +88,5 @@ def _effect(fault: Fault, vehicle: Vehicle, strength: float) -> TrueEffect:
         tolerance=0.0,
         noncentrality=strength,
         held_out=strength,
-        spans=spans,
+        spans=dict(fault.parameters),
     )

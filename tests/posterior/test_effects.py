@@ -13,9 +13,21 @@ from bayes_asv.domain.vehicle import Vehicle
 from bayes_asv.posterior.effect_fit import read_effect, with_effects
 from bayes_asv.posterior.fisher_scoring import slopes
 from bayes_asv.posterior.fitted_model import Dataset, make_dataset
+from bayes_asv.posterior.model_error import draw_cars
 from bayes_asv.preprocessing.run_preparation import prepare_runs
 from tests.posterior.cases import EXACT, as_recording, vehicle
-from tests.rig import DEFAULT_SPEEDS, TERRAINS, Push, RigCar, SensorSpec, baja, draw, drive
+from tests.rig import (
+    DEFAULT_SPEEDS,
+    TERRAINS,
+    CurveDamper,
+    Push,
+    RigCar,
+    SensorSpec,
+    baja,
+    draw,
+    drive,
+    with_terms,
+)
 
 
 def driven(terrain: str, spec: SensorSpec) -> tuple[RigCar, Vehicle, Recording]:
@@ -72,6 +84,24 @@ def test_a_sensor_that_is_off_is_measured(name: str) -> None:
     assert abs(stage.mode.z[k] - z) < 3.0 * sd
     assert abs(z) > 6.0 * sd  # and it is measured, not merely allowed for
     assert placed.effect.parameters[0].name == parameter
+
+
+def test_draws_of_a_free_curve_are_as_probable_as_normal_ones() -> None:
+    rates = (-1.0, -0.05, -0.01, 0.0, 0.01, 0.05, 1.0)
+    forces = (-700.0, -320.0, -150.0, 0.0, 60.0, 150.0, 900.0)
+    car = with_terms(
+        draw(baja(), np.random.default_rng([11, 3]), EXACT),
+        "front", CurveDamper(rates, forces), damper=False,
+    )  # fmt: skip
+    run = drive(car, TERRAINS["stops"](5), DEFAULT_SPEEDS["stops"], 400.0, 2.5, SensorSpec(), 6)
+    recording = as_recording(run, "run.csv")
+    _, model = with_effects(laid(recording, vehicle(EXACT)), (read_effect("damper_curve@front"),))
+    covariance = np.linalg.inv(model.mode.slopes.precision())
+    rng = np.random.default_rng(3)
+    z = draw_cars(model.space, model.mode.z, covariance, 100, rng)
+    lost = model.mode.log_posterior - model.posterior.log_posterior(z)
+    # a normal density loses half the dimension; draws that are normal in z lose thousands
+    assert np.median(lost) < 5.0 * 0.5 * len(model.mode.z)
 
 
 @pytest.mark.parametrize("push", [Push(260.0, 0.99, 0.4), Push(-320.0, 1.1, 0.2, "front")])
