@@ -96,7 +96,7 @@ def test_draws_of_a_free_curve_are_as_probable_as_normal_ones() -> None:
     run = drive(car, TERRAINS["stops"](5), DEFAULT_SPEEDS["stops"], 400.0, 2.5, SensorSpec(), 6)
     recording = as_recording(run, "run.csv")
     _, model = with_effects(laid(recording, vehicle(EXACT)), (read_effect("damper_curve@front"),))
-    covariance = np.linalg.inv(model.mode.slopes.precision())
+    covariance = np.asarray(np.linalg.inv(model.mode.slopes.precision()), np.float64)
     rng = np.random.default_rng(3)
     z = draw_cars(model.space, model.mode.z, covariance, 100, rng)
     lost = model.mode.log_posterior - model.posterior.log_posterior(z)
