@@ -24,8 +24,10 @@ from bayes_asv.filters.kalman import (
 from bayes_asv.filters.prediction import (
     OPTIONS,
     ORDER,
+    STEP_LENGTHS,
     STEP_SERIES,
     TAYLOR,
+    place_of_step,
     power_series,
     step_weights,
 )
@@ -73,10 +75,11 @@ def _compiled(nx: int, ne: int, nm: int, nd: int, nu: int, ny: int) -> Callable[
         powers = np.empty((TAYLOR + 1, nx, nx, lanes))
         drive = np.empty((nu, ORDER, nx, lanes))
         power_series(nx, nu, lanes, A, B, powers, drive)
-        base = np.zeros((rows, coupled, lanes))
+        lengths = np.full(STEP_LENGTHS, -1.0)
+        bases = np.zeros((STEP_LENGTHS, rows, coupled, lanes))
+        Ws = np.zeros((STEP_LENGTHS, 3, nf, ne, lanes))
         Q = np.zeros((nu, nx, nx, lanes))
         weights = np.empty((STEP_SERIES, TAYLOR + 1))
-        W = np.zeros((3, nf, ne, lanes))
         last = np.zeros((2, ne, lanes))
         force = np.zeros((2, ne, lanes))
         stiffness = np.zeros((2, ne, lanes))
@@ -98,12 +101,17 @@ def _compiled(nx: int, ne: int, nm: int, nd: int, nu: int, ny: int) -> Callable[
                 mean[rows + d, q] = begin[nx + d, q]
             for e in range(nm):  # as if it had been linear before the recording began
                 mean[nf + e, q] = rates[e, 0, q] * begin[2 * e + 1, q]
-        h_known, h_before = -1.0, 0.0
+        h_before, oldest = 0.0, 0
         for k in range(step.shape[0]):
             h = step[k]
             if h > 0.0:
-                if abs(h - h_known) > 1e-12:
-                    h_known = h
+                place = place_of_step(h, lengths)
+                known = place >= 0
+                if not known:
+                    place, oldest = oldest, (oldest + 1) % STEP_LENGTHS
+                    lengths[place] = h
+                base, W = bases[place], Ws[place]
+                if not known:
                     step_weights(h, weights)
                     discretize_vectors(nx, nd, nu, rows, coupled, weights, powers, B, N, base, Q)
                     if ne > 0:

@@ -28,6 +28,7 @@ from bayes_asv.filters.prediction import (
     MISSING,
     OPTIONS,
     ORDER,
+    STEP_LENGTHS,
     STEP_SERIES,
     TAYLOR,
     VALUE,
@@ -35,6 +36,7 @@ from bayes_asv.filters.prediction import (
     condition_on_value,
     decays,
     gained_noise,
+    place_of_step,
     power_series,
     step_weights,
 )
@@ -285,12 +287,14 @@ def _compiled(
             for q in range(lanes):
                 P[coupled + ny + y, coupled + ny + y, q] = filtered[nu + y, q]
 
-        base = np.zeros((rows, coupled, lanes))
+        lengths = np.full(STEP_LENGTHS, -1.0)
+        bases = np.zeros((STEP_LENGTHS, rows, coupled, lanes))
+        Qs = np.zeros((STEP_LENGTHS, nu, nx, nx, lanes))
+        decay_of = np.ones((STEP_LENGTHS, n, lanes))
+        gained_of = np.empty((STEP_LENGTHS, nu + ny, lanes))
+        Ws = np.zeros((STEP_LENGTHS, 3, nf, ne, lanes))
         carry = np.zeros((rows, coupled, lanes))
-        Q = np.zeros((nu, nx, nx, lanes))
-        decay = np.ones((n, lanes))
         T = np.empty((2, rows, lanes))
-        gained = np.empty((nu + ny, lanes))
         PC = np.empty((n, lanes))
         ahead = np.empty((rows, lanes))
         S = np.empty(lanes)
@@ -300,7 +304,6 @@ def _compiled(
         product = np.ones(lanes)
         intensity = np.empty((nu, lanes))
         weights = np.empty((STEP_SERIES, TAYLOR + 1))
-        W = np.zeros((3, nf, ne, lanes))
         last = np.zeros((2, ne, lanes))
         force = np.zeros((2, ne, lanes))
         stiffness = np.zeros((2, ne, lanes))
@@ -314,18 +317,26 @@ def _compiled(
         work = law_workspace(ne)
         nonlinear = table.shape[1] > 0  # without laws the Jacobian of a step stays as it is
         values = 0
-        h_known, h_before = -1.0, 0.0
+        h_before, carried, oldest = 0.0, -1, 0
         for k in range(step.shape[0]):
             h = step[k]
             if h > 0.0:
-                if abs(h - h_known) > 1e-12:
-                    h_known = h
+                place = place_of_step(h, lengths)
+                known = place >= 0
+                if not known:
+                    place, oldest = oldest, (oldest + 1) % STEP_LENGTHS
+                    lengths[place] = h
+                base, Q, W = bases[place], Qs[place], Ws[place]
+                decay, gained = decay_of[place], gained_of[place]
+                if not known:
                     step_weights(h, weights)
                     discretize_vectors(nx, nd, nu, rows, coupled, weights, powers, B, N, base, Q)
                     decays(coupled, nu, ny, lanes, h, poles, decay)
                     gained_noise(coupled, nu, ny, lanes, filtered, decay, gained)
                     if ne > 0:
                         force_weights(nx, ne, lanes, h, powers, E, pole, base, W, T[0], T[1])
+                if not known or place != carried:
+                    carried = place
                     for a in range(rows):
                         for b in range(coupled):
                             for q in range(lanes):

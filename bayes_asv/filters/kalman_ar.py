@@ -27,11 +27,13 @@ from bayes_asv.filters.prediction import (
     LOG_2PI,
     OPTIONS,
     ORDER,
+    STEP_LENGTHS,
     STEP_SERIES,
     TAYLOR,
     VALUE,
     decays,
     gained_noise,
+    place_of_step,
     power_series,
     step_weights,
 )
@@ -187,10 +189,11 @@ def _compiled(nx: int, nd: int, nu: int, ny: int) -> Callable[..., None]:
                 P[coupled + ny + y, coupled + ny + y, q] = filtered[nu + y, q]
             for u in range(nu):
                 P[nx + nd + u, nx + nd + u, q] = filtered[u, q]
-        carry = np.zeros((nx, coupled, lanes))
-        Q = np.zeros((nu, nx, nx, lanes))
-        decay = np.ones((n, lanes))
-        gained = np.empty((nu + ny, lanes))
+        lengths = np.full(STEP_LENGTHS, -1.0)
+        carries = np.zeros((STEP_LENGTHS, nx, coupled, lanes))
+        Qs = np.zeros((STEP_LENGTHS, nu, nx, nx, lanes))
+        decay_of = np.ones((STEP_LENGTHS, n, lanes))
+        gained_of = np.empty((STEP_LENGTHS, nu + ny, lanes))
         PC = np.empty((n, lanes))
         S = np.empty(lanes)
         shrink = np.empty(lanes)
@@ -210,12 +213,18 @@ def _compiled(nx: int, nd: int, nu: int, ny: int) -> Callable[..., None]:
         solution = np.zeros((unknown, lanes))
         store = np.zeros((step.shape[0] if keep else 0, ny, columns, used))
         jacobian = 0.0
-        h_known = -1.0
+        oldest = 0
         for k in range(step.shape[0]):
             h = step[k]
             if h > 0.0:
-                if abs(h - h_known) > 1e-12:
-                    h_known = h
+                place = place_of_step(h, lengths)
+                known = place >= 0
+                if not known:
+                    place, oldest = oldest, (oldest + 1) % STEP_LENGTHS
+                    lengths[place] = h
+                carry, Q = carries[place], Qs[place]
+                decay, gained = decay_of[place], gained_of[place]
+                if not known:
                     step_weights(h, weights)
                     discretize_vectors(nx, nd, nu, nx, coupled, weights, powers, B, N, carry, Q)
                     decays(coupled, nu, ny, lanes, h, poles, decay)

@@ -37,6 +37,7 @@ __all__ = [
     "MISSING",
     "OPTIONS",
     "ORDER",
+    "STEP_LENGTHS",
     "STEP_SERIES",
     "TAYLOR",
     "VALUE",
@@ -44,6 +45,7 @@ __all__ = [
     "condition_on_value",
     "decays",
     "gained_noise",
+    "place_of_step",
     "power_series",
     "sizes_of_one_type",
     "step_weights",
@@ -150,6 +152,23 @@ def step_weights(h: float, weights: Array) -> None:
         for j in range(TAYLOR + 1):
             weights[row, j] = value / (j + 1) if row == 1 else value
             value *= node
+
+
+STEP_LENGTHS = 4
+"""Lengths of a step whose discretisations a filter keeps.
+
+Sensors with delays of their own give a recording at an even rate as many lengths of step as there
+are delays; stamps that are not even give it a new one at every row, and nothing is kept.
+"""
+
+
+@njit(**INLINE)
+def place_of_step(h: float, lengths: Array) -> int:
+    """Where a step of length h is kept among ``lengths`` (STEP_LENGTHS,), s; −1 if it is not."""
+    for place in range(len(lengths)):
+        if abs(h - lengths[place]) <= 1e-12:
+            return place
+    return -1
 
 
 @njit(**INLINE)
