@@ -26,7 +26,7 @@ from dataclasses import dataclass, replace
 import numpy as np
 from numpy.typing import NDArray
 
-from bayes_asv.filters.kalman import MISSING
+from bayes_asv.filters.kalman import MISSING, LinearisedFilter, perturbation_response
 from bayes_asv.posterior.denoised_inputs import denoise_and_predict
 from bayes_asv.posterior.fisher_scoring import STEP, ScoreAndInformation
 from bayes_asv.posterior.fitted_model import Dataset, FittedModel, fit_model, update_corrections
@@ -46,8 +46,6 @@ __all__ = [
 
 Array = NDArray[np.float64]
 
-# Largest change of a reading, in standard deviations: small, so that force laws are linear in it.
-_PERTURBATION = 0.1
 # Time that a filter needs to estimate motion and biases, s.  Until then it linearises a force law
 # with a kink over all speeds that the car may have, which biases the score of the law.
 _SETTLING_TIME = 0.2
@@ -71,6 +69,8 @@ class FixedGainFilter:
         Nominal readings (of sensors as declared) minus the free simulation, SI units.
     innovations, log_variances : (E, ny) arrays
         Normalised innovations and the logarithms of their variances.
+    linearised : LinearisedFilter
+        The filter along its path.
     """
 
     posterior: Posterior
@@ -80,6 +80,7 @@ class FixedGainFilter:
     residuals: Array
     innovations: Array
     log_variances: Array
+    linearised: LinearisedFilter
 
     @property
     def has_reading(self) -> NDArray[np.bool_]:
@@ -95,31 +96,28 @@ class FixedGainFilter:
             The other model, on the same recordings.
         """
         change = _residuals(posterior, z, self.run, self.start) - self.residuals
-        valid = self.has_reading
-        largest = float(np.max(np.abs(change)[valid] * np.exp(-0.5 * self.log_variances[valid])))
-        if not 0.0 < largest < np.inf:
-            return np.full(np.count_nonzero(valid), 0.0 if largest == 0.0 else np.nan)
-        scale = _PERTURBATION / largest
         recording = self.posterior.space.recordings[self.run]
         perturbation = Perturbation(
             np.zeros_like(recording.moments),
-            scale * change,
+            change,
             np.zeros((len(change), len(recording.car.elements))),
         )
-        return self.response(perturbation) / scale
+        return self.response(perturbation)
 
     def response(self, perturbation: Perturbation) -> Array:
         """Change of the predictions (N,) by a perturbation of the run, in standard deviations."""
-        perturbed = self.posterior.innovations_and_variances(self.z, self.run, perturbation)[0]
-        return np.asarray((self.innovations - perturbed)[self.has_reading])
+        return -perturbation_response(self.linearised, *perturbation)[self.has_reading]
 
 
 def fixed_gain_filter(posterior: Posterior, z: Array, run: int) -> FixedGainFilter:
     """Return the filter of a model at coordinates (D,) on one run."""
     start = free_run(posterior, z, run).initial_state
-    innovations, log_variances, _ = posterior.innovations_and_variances(z, run)
+    filtered, linearised = posterior.linearised_filter(z, run)
     residuals = _residuals(posterior, z, run, start)
-    return FixedGainFilter(posterior, z, run, start, residuals, innovations, log_variances)
+    return FixedGainFilter(
+        posterior, z, run, start, residuals, filtered.innovations[0], filtered.log_variances[0],
+        linearised,
+    )  # fmt: skip
 
 
 def coordinate_sensitivities(filters: Sequence[FixedGainFilter], count: int) -> Array:

@@ -34,13 +34,15 @@ from numpy.typing import NDArray
 
 from bayes_asv.diagnosis.denoised_model import DenoisedModel
 from bayes_asv.diagnosis.thresholds import MIN_INFORMATION_SHARE
+from bayes_asv.filters.force_laws import excess_many
 from bayes_asv.filters.kalman import VALUE
 from bayes_asv.models.effects import AXLES
 from bayes_asv.models.outputs import relative_offset
 from bayes_asv.posterior.effect_fit import Candidate
+from bayes_asv.posterior.effects import law_table
 from bayes_asv.posterior.fisher_scoring import ScoreAndInformation
 from bayes_asv.posterior.fitted_model import Dataset, FittedModel, transfer_coordinates
-from bayes_asv.posterior.likelihood import shared_work
+from bayes_asv.posterior.likelihood import Perturbation, shared_work
 from bayes_asv.preprocessing.prepared_recording import PreparedRecording
 from bayes_asv.preprocessing.quantization import spurious_drift
 
@@ -172,6 +174,7 @@ def standardized(gradient: Array, information: Array) -> Array:
 def score_test(denoised: DenoisedModel, candidates: list[Candidate]) -> ScoreTest:
     """Compute gradient and information along candidates at a model's mode."""
     model, dataset = denoised.model, denoised.dataset
+    recordings = model.space.recordings
     z = model.mode.z
 
     def sensitivity(candidate: Candidate) -> Array:
@@ -183,13 +186,11 @@ def score_test(denoised: DenoisedModel, candidates: list[Candidate]) -> ScoreTes
         for run, fixed_gain in enumerate(denoised.filters):
             if candidate.placed.run not in (None, run):
                 continue
-            if candidate.is_step:  # an added force does not change the gain: one pass is enough
-                predicted = (
-                    fixed_gain.innovations - posterior.innovations_and_variances(extended, run)[0]
-                )
-                by_run[run] = predicted[fixed_gain.has_reading]
-            else:
-                by_run[run] = fixed_gain.sensitivity(posterior, extended)
+            by_run[run] = (
+                fixed_gain.response(_force_alone(candidate, run, recordings[run]))
+                if candidate.is_step
+                else fixed_gain.sensitivity(posterior, extended)
+            )
         joined = denoised.concatenate(by_run)
         # a candidate whose simulation diverges has no score
         return joined if np.all(np.isfinite(joined)) else np.zeros_like(joined)
@@ -203,6 +204,23 @@ def score_test(denoised: DenoisedModel, candidates: list[Candidate]) -> ScoreTes
     gradient, information = projection.project_out(sensitivities)
     return ScoreTest(
         tuple(candidates), sensitivities, gradient, information, denoised.derivatives, drifts
+    )
+
+
+def _force_alone(candidate: Candidate, run: int, recording: PreparedRecording) -> Perturbation:
+    """Return the force of a candidate that does not depend on the car's motion."""
+    table = law_table(recording.car, {candidate.placed: candidate.values}, run)
+    time, rest = recording.elapsed, np.zeros(len(recording.elapsed))
+    return Perturbation(
+        np.zeros_like(recording.moments),
+        np.zeros_like(recording.reading),
+        np.stack(
+            [
+                excess_many(table, e, 0.0, 0.0, rest, rest, time, time[-1])[:, 0]
+                for e in range(len(recording.car.elements))
+            ],
+            axis=1,
+        ),
     )
 
 

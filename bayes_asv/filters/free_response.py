@@ -105,12 +105,12 @@ def _compiled(nx: int, ne: int, nm: int, nd: int, nu: int, ny: int) -> Callable[
         for k in range(step.shape[0]):
             h = step[k]
             if h > 0.0:
-                place = place_of_step(h, lengths)
-                known = place >= 0
+                slot = place_of_step(h, lengths)
+                known = slot >= 0
                 if not known:
-                    place, oldest = oldest, (oldest + 1) % STEP_LENGTHS
-                    lengths[place] = h
-                base, W = bases[place], Ws[place]
+                    slot, oldest = oldest, (oldest + 1) % STEP_LENGTHS
+                    lengths[slot] = h
+                base, W = bases[slot], Ws[slot]
                 if not known:
                     step_weights(h, weights)
                     discretize_vectors(nx, nd, nu, rows, coupled, weights, powers, B, N, base, Q)

@@ -53,13 +53,15 @@ from bayes_asv.filters.vector_steps import (
     condition_vectors,
     discretize_vectors,
     linearise_vectors,
+    onward_vectors,
     predict_vectors,
     project_vectors,
 )
 
 __all__ = [
     "AT_LEAST", "AT_MOST", "LANES", "MISSING", "NO_LAWS", "ORDER", "VALUE", "FilterPass", "Laws",
-    "Measurements", "SensorNoise", "StateSpace", "filter_pass", "log_likelihood",
+    "LinearisedFilter", "Measurements", "SensorNoise", "StateSpace", "filter_pass", "linearise",
+    "log_likelihood", "perturbation_response",
 ]  # fmt: skip
 
 Array = NDArray[np.float64]
@@ -207,6 +209,48 @@ class FilterPass(NamedTuple):
     states: Array
 
 
+class LinearisedFilter(NamedTuple):
+    """The filter of one recording and one parameter set, linearised along its own path.
+
+    With n = nx + ne + nm + nd + nu + 2 ny states: those of the car, forces that passed the sensors'
+    filter, forces of dampers in series with a stiffness, biases and noise of the inputs, biases and
+    noise of the outputs.  The first nx + ne + nm are carried, and those before the outputs' drive
+    them.
+
+    Parameters
+    ----------
+    step : (N,) array
+        Time since the instant before, s.
+    transitions : (N, carried, driving) array
+        From the states before a step to the carried states after it.
+    onward : (N, carried, nx + ne) array
+        From a change of car and filtered forces within a step to its end, by the suspension forces
+        there.
+    by_force : (N, 2, nx + ne, ne) array
+        By forces on the body that last over the step, and by those that grow over it.
+    decay : (N, n) array
+        What is left of the other states.
+    gains : (N, ny, n) array
+        Changes of the states by a reading that differs from its prediction; zero without a reading.
+    roots : (N, ny) array
+        Inverse standard deviations of the innovations; zero where there is no value.
+    drive : (nu, ORDER, nx) array
+        By moments of the inputs.
+    C : (ny, carried) array
+        Outputs by carried states.
+    """
+
+    step: Array
+    transitions: Array
+    onward: Array
+    by_force: Array
+    decay: Array
+    gains: Array
+    roots: Array
+    drive: Array
+    C: Array
+
+
 @lru_cache(maxsize=64)
 def _compiled(
     nx: int, ne: int, nm: int, nd: int, nu: int, ny: int
@@ -246,6 +290,13 @@ def _compiled(
         nus: Array,
         logs: Array,
         states: Array,
+        transitions: Array,
+        onward: Array,
+        by_force: Array,
+        decay_at: Array,
+        gains: Array,
+        roots: Array,
+        driven: Array,
     ) -> None:
         powers = np.empty((TAYLOR + 1, nx, nx, lanes))
         drive = np.empty((nu, ORDER, nx, lanes))
@@ -316,18 +367,28 @@ def _compiled(
         series = np.zeros((4, nm, lanes))
         work = law_workspace(ne)
         nonlinear = table.shape[1] > 0  # without laws the Jacobian of a step stays as it is
+        linearised = transitions.shape[0] > 0
+        passed_on = np.zeros((rows, nf, lanes))
+        for a in range(nf):
+            for q in range(lanes):
+                passed_on[a, a, q] = 1.0
+        if linearised:
+            for u in range(nu):
+                for j in range(ORDER):
+                    for a in range(nx):
+                        driven[u, j, a] = drive[u, j, a, 0]
         values = 0
         h_before, carried, oldest = 0.0, -1, 0
         for k in range(step.shape[0]):
             h = step[k]
             if h > 0.0:
-                place = place_of_step(h, lengths)
-                known = place >= 0
+                slot = place_of_step(h, lengths)
+                known = slot >= 0
                 if not known:
-                    place, oldest = oldest, (oldest + 1) % STEP_LENGTHS
-                    lengths[place] = h
-                base, Q, W = bases[place], Qs[place], Ws[place]
-                decay, gained = decay_of[place], gained_of[place]
+                    slot, oldest = oldest, (oldest + 1) % STEP_LENGTHS
+                    lengths[slot] = h
+                base, Q, W = bases[slot], Qs[slot], Ws[slot]
+                decay, gained = decay_of[slot], gained_of[slot]
                 if not known:
                     step_weights(h, weights)
                     discretize_vectors(nx, nd, nu, rows, coupled, weights, powers, B, N, base, Q)
@@ -335,8 +396,8 @@ def _compiled(
                     gained_noise(coupled, nu, ny, lanes, filtered, decay, gained)
                     if ne > 0:
                         force_weights(nx, ne, lanes, h, powers, E, pole, base, W, T[0], T[1])
-                if not known or place != carried:
-                    carried = place
+                if not known or slot != carried:
+                    carried = slot
                     for a in range(rows):
                         for b in range(coupled):
                             for q in range(lanes):
@@ -357,9 +418,26 @@ def _compiled(
                     )  # fmt: skip
                     if nonlinear:
                         linearise_vectors(
-                            nx, ne, nm, coupled, base, W, bends, lag, by, stiffness, damping,
+                            nx, ne, nm, coupled, base, W, lag, by, stiffness, damping,
                             series, carry,
                         )  # fmt: skip
+                    if linearised:
+                        if nonlinear:
+                            onward_vectors(
+                                nx, ne, nm, coupled, W, lag, by, stiffness, damping, series,
+                                passed_on,
+                            )  # fmt: skip
+                        for a in range(rows):
+                            for b in range(coupled):
+                                transitions[k, a, b] = carry[a, b, 0]
+                            for b in range(nf):
+                                onward[k, a, b] = passed_on[a, b, 0]
+                        for part in range(2):
+                            for a in range(nf):
+                                for e in range(ne):
+                                    by_force[k, part, a, e] = W[part, a, e, 0]
+                        for a in range(n):
+                            decay_at[k, a] = decay[a, 0]
                 for a in range(rows):
                     for q in range(lanes):
                         mean[a, q] = ahead[a, q]
@@ -387,6 +465,10 @@ def _compiled(
                     condition_on_bound(
                         lanes, what == AT_LEAST, reading[k, y], S, shift, shrink, total
                     )
+                if linearised:
+                    roots[k, y] = 1.0 / math.sqrt(S[0]) if what == VALUE else 0.0
+                    for a in range(n):
+                        gains[k, y, a] = PC[a, 0] * shrink[0]
                 condition_vectors(n, 1, PC, shift, shrink, mean, P)
             for q in range(lanes):
                 if not 1e-100 < product[q] < 1e100:  # one logarithm for many readings
@@ -414,9 +496,14 @@ def readout(system: StateSpace, nm: int) -> Array:
 
 
 def _passes(
-    system: StateSpace, noise: SensorNoise, data: Measurements, laws: Laws | None, keep: bool
+    system: StateSpace,
+    noise: SensorNoise,
+    data: Measurements,
+    laws: Laws | None,
+    keep: bool,
+    linearised: LinearisedFilter | None = None,
 ) -> FilterPass:
-    """Run all parameter sets."""
+    """Run all parameter sets; fill what is linearised along the path of the first."""
     nonlinear = laws is not None
     laws = NO_LAWS if laws is None else laws
     W, nx, nu = system.B.shape
@@ -436,14 +523,34 @@ def _passes(
     out = [np.zeros((len(A), LANES))]
     out += [np.zeros((len(A), instants, size, LANES)) for size in (ny, ny, nx + ne)]
     run = _compiled(nx, ne, nm, system.N.shape[1], nu, ny)
+    if linearised is None:
+        linearised = _room(nx, ne, nm, system.N.shape[1], nu, ny, np.zeros(0))
     for b in range(len(A)):
         run(
             A[b], B[b], C[b], E[b], rates[b], system.N, biases[b], white[b], filtered[b], poles[b],
             *data, tables[b], laws.pole, laws.inputs, laws.elapsed, laws.added, keep,
-            *(x[b] for x in out),
+            *(x[b] for x in out), *linearised[1:-1],
         )  # fmt: skip
     total, *kept = (np.moveaxis(x, -1, 1).reshape(len(A) * LANES, *x.shape[1:-1])[:W] for x in out)
     return FilterPass(total, *kept)
+
+
+def _room(nx: int, ne: int, nm: int, nd: int, nu: int, ny: int, step: Array) -> LinearisedFilter:
+    """Make arrays for a filter that is linearised at some instants."""
+    instants, forces, carried = len(step), nx + ne, nx + ne + nm
+    driving = carried + nd + nu
+    n = driving + 2 * ny
+    return LinearisedFilter(
+        step,
+        np.zeros((instants, carried, driving)),
+        np.zeros((instants, carried, forces)),
+        np.zeros((instants, 2, forces, ne)),
+        np.zeros((instants, n)),
+        np.zeros((instants, ny, n)),
+        np.zeros((instants, ny)),
+        np.zeros((nu, ORDER, nx)),
+        np.zeros((ny, carried)),
+    )
 
 
 def log_likelihood(
@@ -476,3 +583,97 @@ def filter_pass(
     Parameters and errors are those of :func:`log_likelihood`.
     """
     return _passes(system, noise, data, laws, keep=True)
+
+
+def linearise(
+    system: StateSpace, noise: SensorNoise, data: Measurements, laws: Laws
+) -> tuple[FilterPass, LinearisedFilter]:
+    """Filter one recording with one parameter set; linearise the filter along its path.
+
+    Parameters are those of :func:`log_likelihood`; force laws may be none.
+    """
+    nx, nu = system.B.shape[1:]
+    ny, ne = system.C.shape[1], system.E.shape[2]
+    nm = series_dampers(laws, ne)
+    room = _room(nx, ne, nm, system.N.shape[1], nu, ny, data.step)
+    filtered = _passes(system, noise, data, laws, True, room)
+    return filtered, room._replace(C=readout(system, nm)[0])
+
+
+def perturbation_response(
+    linearised: LinearisedFilter, moments: Array, reading: Array, added: Array
+) -> Array:
+    """Change of normalised innovations by small changes of a recording, with fixed gain.
+
+    Parameters
+    ----------
+    linearised : LinearisedFilter
+        Of the recording.
+    moments : (N, nu, ORDER) array
+        Changes of the moments of the inputs.
+    reading : (N, ny) array
+        Changes of the outputs or rails.
+    added : (N, ne) array
+        Changes of the forces on the body at the elements, N; straight from instant to instant.
+
+    Returns
+    -------
+    (N, ny) array
+        Zero where there is no value.
+    """
+    out = np.zeros(reading.shape)
+    _respond(*linearised, moments, reading, added, out)
+    return out
+
+
+@njit(**OPTIONS)
+def _respond(
+    step: Array,
+    transitions: Array,
+    onward: Array,
+    by_force: Array,
+    decay: Array,
+    gains: Array,
+    roots: Array,
+    drive: Array,
+    C: Array,
+    moments: Array,
+    reading: Array,
+    added: Array,
+    out: Array,
+) -> None:
+    rows, coupled = transitions.shape[1:]
+    nf, ny, n = onward.shape[2], gains.shape[1], gains.shape[2]
+    nu, order, nx = drive.shape
+    ne = added.shape[1]
+    state, ahead, within = np.zeros(n), np.zeros(rows), np.zeros(nf)
+    for k in range(len(step)):
+        if step[k] > 0.0:
+            within[:] = 0.0
+            for u in range(nu):
+                for j in range(order):
+                    for a in range(nx):
+                        within[a] += drive[u, j, a] * moments[k, u, j]
+            for a in range(nf):
+                for e in range(ne):
+                    within[a] += by_force[k, 0, a, e] * added[k - 1, e]
+            for a in range(rows):
+                total = 0.0
+                for b in range(coupled):
+                    total += transitions[k, a, b] * state[b]
+                for b in range(nf):
+                    total += onward[k, a, b] * within[b]
+                if a < nf:
+                    for e in range(ne):
+                        total += by_force[k, 1, a, e] * (added[k, e] - added[k - 1, e])
+                ahead[a] = total
+            state[:rows] = ahead
+            for a in range(rows, n):
+                state[a] *= decay[k, a]
+        for y in range(ny):
+            left = reading[k, y] - state[coupled + y] - state[coupled + ny + y]
+            for a in range(rows):
+                left -= C[y, a] * state[a]
+            out[k, y] = left * roots[k, y]
+            for a in range(n):
+                state[a] += gains[k, y, a] * left

@@ -217,13 +217,13 @@ def _compiled(nx: int, nd: int, nu: int, ny: int) -> Callable[..., None]:
         for k in range(step.shape[0]):
             h = step[k]
             if h > 0.0:
-                place = place_of_step(h, lengths)
-                known = place >= 0
+                slot = place_of_step(h, lengths)
+                known = slot >= 0
                 if not known:
-                    place, oldest = oldest, (oldest + 1) % STEP_LENGTHS
-                    lengths[place] = h
-                carry, Q = carries[place], Qs[place]
-                decay, gained = decay_of[place], gained_of[place]
+                    slot, oldest = oldest, (oldest + 1) % STEP_LENGTHS
+                    lengths[slot] = h
+                carry, Q = carries[slot], Qs[slot]
+                decay, gained = decay_of[slot], gained_of[slot]
                 if not known:
                     step_weights(h, weights)
                     discretize_vectors(nx, nd, nu, nx, coupled, weights, powers, B, N, carry, Q)

@@ -307,10 +307,10 @@ def _carry_series_damper(
             ahead[q] += part * K * (first * (early - at[q]) + second * (later - early))
             by_early, by_later = part * K * (first - second), part * K * second
             series[0, q] *= kept
-            series[1, q] = series[1, q] * kept + by_early * (1.0 - s - (up + back) * hump)
-            series[1, q] += by_later * (1.0 - t - (up + back) * humped)
-            series[2, q] = series[2, q] * kept + by_early * (s + up * hump)
-            series[2, q] += by_later * (t + up * humped)
+            series[1, q] = series[1, q] * kept + by_early * (1.0 - s)
+            series[1, q] += by_later * (1.0 - t)
+            series[2, q] = series[2, q] * kept + by_early * s
+            series[2, q] += by_later * t
 
 
 @njit(**INLINE)

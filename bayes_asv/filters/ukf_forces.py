@@ -254,7 +254,7 @@ def propagate_with_forces(
                 W[at + np.uint64(rows.after + a * LANES)] = ahead[a, q]
         if b == 0:
             linearise_vectors(
-                nx, ne, 0, coupled, work.base[0], work.weights[0], work.bends, work.lag,
+                nx, ne, 0, coupled, work.base[0], work.weights[0], work.lag,
                 work.by[0], work.stiffness, work.damping, work.series, work.carry,
             )  # fmt: skip
     for a in range(nf):

@@ -13,7 +13,7 @@ from bayes_asv.filters.vector_code import Choice, Shared, Table, Vector, emitted
 __all__ = [
     "advance_mean_vectors", "begin_forces_vectors", "begin_laws_vectors", "condition_vectors",
     "discretize_vectors", "end_forces_vectors", "end_laws_vectors", "linearise_vectors",
-    "predict_vectors", "project_vectors", "rate_vectors",
+    "onward_vectors", "predict_vectors", "project_vectors", "rate_vectors",
 ]  # fmt: skip
 
 
@@ -363,6 +363,16 @@ def end_forces_vectors(
         last[0, e], last[1, e] = force[0, e], rate[e]
 
 
+def _force_slopes(
+    e: int, damping: Vector, stiffness: Vector, delay: Vector, by: Table, own: list[int]
+) -> dict[int, Vector]:
+    """Slopes of an excess force in the states, but −1 in the force of a damper in series."""
+    out = {b: damping * by[e, b] for b in own}
+    out[2 * e] = out[2 * e] + stiffness
+    out[2 * e + 1] = out[2 * e + 1] + delay * stiffness
+    return out
+
+
 @emitted
 def linearise_vectors(
     nx: int,
@@ -371,7 +381,6 @@ def linearise_vectors(
     coupled: int,
     base: Table,
     W: Table,
-    bends: Shared,
     lag: Shared,
     by: Table,
     stiffness: Table,
@@ -381,13 +390,16 @@ def linearise_vectors(
 ) -> None:
     """Fill the Jacobian of a step with forces that change along it.
 
+    They change in a straight line: the bend of their path depends on the states before the step
+    as well, and vanishes where those lead to it in a straight line.
+
     Parameters
     ----------
     base, carry : (rows, coupled) tables
         Jacobian of the linear car and of the filtered forces, in its first nx + ne rows, and the
         one that is wanted.
-    W, bends, lag : (3, nx + ne, ne), (2,) and (1,)
-        Weights of the forces, of their bend, and 1/λ, s.
+    W, lag : (3, nx + ne, ne) and (1,)
+        Weights of the forces, and 1/λ, s.
     by, stiffness, damping, series : (ne, coupled), (2, ne), (2, ne) and (4, nm) tables
         As :func:`bayes_asv.filters.suspension_forces.advance_forces` leaves them.
     """
@@ -397,27 +409,22 @@ def linearise_vectors(
         carry.shaped(rows, coupled),
         by.shaped(ne, coupled),
     )
-    W, bends, lag = W.shaped(3, nf, ne), bends.shaped(2), lag.shaped(1)
+    W, lag = W.shaped(3, nf, ne), lag.shaped(1)
     stiffness, damping = stiffness.shaped(2, ne), damping.shaped(2, ne)
     series = series.shaped(4, nm)
-    up, back, delay = bends[0], bends[1], lag[0]
+    delay = lag[0]
     own = [*range(nf), *range(rows, coupled)]  # what rates depend on
 
     def slopes(end: int, e: int) -> dict[int, Vector]:
-        """Slopes of an excess force in the states, but −1 in the force of a damper in series."""
-        out = {b: damping[end, e] * by[e, b] for b in own}
-        out[2 * e] = out[2 * e] + stiffness[end, e]
-        out[2 * e + 1] = out[2 * e + 1] + delay * stiffness[end, e]
-        return out
+        return _force_slopes(e, damping[end, e], stiffness[end, e], delay, by, own)
 
     first = [slopes(0, e) for e in range(ne)]
-    lasting = {(a, e): W[0, a, e] - back * W[2, a, e] for a in range(nf) for e in range(ne)}
     early = {}
     for a in range(nf):
         for b in range(coupled):
-            pairs = ((lasting[a, e], first[e][b]) for e in range(ne) if b in first[e])
+            pairs = ((W[0, a, e], first[e][b]) for e in range(ne) if b in first[e])
             total = plus(base[a, b], pairs)
-            early[a, b] = total - lasting[a, b - nf] if nf <= b < rows else total
+            early[a, b] = total - W[0, a, b - nf] if nf <= b < rows else total
     for e in range(nm):
         for b in range(coupled):
             total = products((by[e, a], early[a, b]) for a in range(nf))
@@ -426,7 +433,6 @@ def linearise_vectors(
                 total = total + series[1, e] * by[e, b]
             early[nf + e, b] = total + series[0, e] if b == nf + e else total
             carry[nf + e, b] = early[nf + e, b]
-    growing = {(a, e): W[1, a, e] + up * W[2, a, e] for a in range(nf) for e in range(ne)}
     for b in range(coupled):
         change = []
         for e in range(ne):
@@ -440,5 +446,42 @@ def linearise_vectors(
                 total = total - first[e][b]
             change.append(total)
         for a in range(nf):
-            total = plus(early[a, b], ((growing[a, e], change[e]) for e in range(ne)))
-            carry[a, b] = total + growing[a, b - nf] if nf <= b < rows else total
+            total = plus(early[a, b], ((W[1, a, e], change[e]) for e in range(ne)))
+            carry[a, b] = total + W[1, a, b - nf] if nf <= b < rows else total
+
+
+@emitted
+def onward_vectors(
+    nx: int,
+    ne: int,
+    nm: int,
+    coupled: int,
+    W: Table,
+    lag: Shared,
+    by: Table,
+    stiffness: Table,
+    damping: Table,
+    series: Table,
+    onward: Table,
+) -> None:
+    """Fill what a change of the states within a step, before its last forces, makes of its end.
+
+    ``onward`` (rows, nx + ne) gets the slopes; the others are those of :func:`linearise_vectors`.
+    """
+    nf, rows = nx + ne, nx + ne + nm
+    by, onward, series = by.shaped(ne, coupled), onward.shaped(rows, nf), series.shaped(4, nm)
+    W, lag = W.shaped(3, nf, ne), lag.shaped(1)
+    stiffness, damping = stiffness.shaped(2, ne), damping.shaped(2, ne)
+    last = [
+        _force_slopes(e, damping[1, e], stiffness[1, e], lag[0], by, [*range(nf)])
+        for e in range(ne)
+    ]
+    for b in range(nf):
+        change = [last[e][b] for e in range(ne)]
+        for e in range(nm):
+            at_damper = by[e, b] * series[2, e]
+            onward[nf + e, b] = at_damper
+            change[e] = change[e] - at_damper
+        for a in range(nf):
+            total = products((W[1, a, e], change[e]) for e in range(ne))
+            onward[a, b] = total + 1.0 if a == b else total

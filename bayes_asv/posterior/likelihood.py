@@ -14,7 +14,16 @@ from numpy.typing import NDArray
 from threadpoolctl import ThreadpoolController
 
 from bayes_asv.filters import kalman, kalman_ar
-from bayes_asv.filters.kalman import MISSING, Laws, Measurements, SensorNoise, StateSpace
+from bayes_asv.filters.kalman import (
+    MISSING,
+    NO_LAWS,
+    FilterPass,
+    Laws,
+    LinearisedFilter,
+    Measurements,
+    SensorNoise,
+    StateSpace,
+)
 from bayes_asv.posterior.effects import NominalReadings, SensorCorrections, law_table
 from bayes_asv.posterior.parameters import ParameterSpace
 from bayes_asv.posterior.threads import Threads, threads
@@ -398,6 +407,18 @@ class Posterior:
             np.concatenate(parts)[back] for parts in zip(*passes, strict=True)
         )
         return innovations, log_variances, states
+
+    def linearised_filter(self, z: Array, run: int) -> tuple[FilterPass, LinearisedFilter]:
+        """Filter one run at coordinates (D,), and linearise the filter along its path."""
+        recording = self.space.recordings[run]
+        ((_, (system, noise, data, laws)),) = self._models(z[None], run, recording)
+        if laws is None:
+            laws = NO_LAWS._replace(
+                pole=self.sensor_corrections[run].pole,
+                elapsed=recording.elapsed,
+                added=self.known_force(run),
+            )
+        return kalman.linearise(system, noise, data, laws)
 
     def as_declared(
         self, z: Array, run: int, recording: PreparedRecording | None = None
