@@ -193,7 +193,7 @@ def test_the_linearised_filter_responds_as_the_filter_does(
             reading=data.reading + sign * change["readings"],
         )
         forces = laws._replace(added=laws.added + sign * change["forces"])
-        return filter_pass(system, noise, nudged, forces).innovations[0]
+        return np.asarray(filter_pass(system, noise, nudged, forces).innovations[0])
 
     filtered, linearised = linearise(system, noise, data, laws)
     assert np.max(np.abs(filtered.innovations)) < 1e-6
