@@ -12,7 +12,8 @@ filter is declared λ is above what the samples can show.  Forces enter a step a
 through its ends and the beginning of the step before (exponential integrator of Adams' kind;
 Hochbruck & Ostermann 2010, Acta Numerica 19, section 2.3), the second end from a predictor;
 straight lines would miss (ω h)²/12 of them, a twentieth at 50 Hz of 400.  The covariance follows
-the slopes along that path: an extended Kalman filter, exact for a linear car.
+the slopes at both ends, in a straight line, since the bend owes as much to the step before as to
+this one: an extended Kalman filter, exact for a linear car.
 
 A damper in series with a stiffness K (gas, oil, rubber mounts) has a force of its own, m, as a
 state behind φ.  With F the damper's law and u the rate at its own ends::
