@@ -34,7 +34,7 @@ from numpy.typing import NDArray
 
 from bayes_asv.diagnosis.denoised_model import DenoisedModel
 from bayes_asv.diagnosis.thresholds import MIN_INFORMATION_SHARE
-from bayes_asv.filters.force_laws import excess_many
+from bayes_asv.filters.force_laws import OUTSIDE, excess_many
 from bayes_asv.filters.kalman import VALUE
 from bayes_asv.models.effects import AXLES
 from bayes_asv.models.outputs import relative_offset
@@ -188,7 +188,7 @@ def score_test(denoised: DenoisedModel, candidates: list[Candidate]) -> ScoreTes
                 continue
             by_run[run] = (
                 fixed_gain.response(_force_alone(candidate, run, recordings[run]))
-                if candidate.is_step
+                if candidate.placed.effect.code == OUTSIDE
                 else fixed_gain.sensitivity(posterior, extended)
             )
         joined = denoised.concatenate(by_run)

@@ -19,6 +19,7 @@ from bayes_asv.diagnosis.denoised_model import (
 from bayes_asv.diagnosis.score_test import score_test
 from bayes_asv.domain.recording import Recording
 from bayes_asv.domain.vehicle import Vehicle, read_vehicle
+from bayes_asv.filters.kalman import VALUE
 from bayes_asv.posterior.denoised_inputs import without_noise
 from bayes_asv.posterior.effect_fit import candidates, read_effect, with_effects
 from bayes_asv.posterior.fisher_scoring import slopes
@@ -138,13 +139,14 @@ def _fitted(law: str | None) -> tuple[Dataset, FittedModel]:
 
 
 def _on_own_prediction(law: str | None) -> tuple[Posterior, Array, int]:
-    """A model on readings that it predicts exactly, from rest."""
+    """A model on readings that it predicts exactly, from rest, none of them at a rail."""
     dataset, model = _fitted(law)
     z, recording = model.mode.z, model.space.recordings[0]
     inputs = model.posterior.as_declared(z, 0)
     output, _ = simulate_from(model.posterior, z, 0, inputs, np.zeros(6))
     reading = output + recording.reading - inputs.reading
-    exact = replace(dataset, recordings=(replace(recording, reading=reading),))
+    kind = np.minimum(recording.kind, VALUE)
+    exact = replace(dataset, recordings=(replace(recording, reading=reading, kind=kind),))
     posterior = replace(
         exact.posterior(model.placed_effects), sensor_corrections=model.posterior.sensor_corrections
     )
