@@ -4,7 +4,7 @@ A result names the commit that it was computed with.  It is of the present code 
 that its benchmark imports, directly or not, has changed since.  ``python -m benchmarks.freshness``
 writes ``docs/evidence.md``, which says so for each; with ``--renew`` it first runs the benchmarks
 whose results are older, one after the other, shortest first.  All that take long resume where they
-were stopped, and so does this.
+were stopped, and so does this: ``benchmarks/unfinished.txt`` names what was begun.
 """
 
 from __future__ import annotations
@@ -14,18 +14,22 @@ import ast
 import gzip
 import json
 import shlex
+import shutil
 import subprocess
 import sys
+import tempfile
 from collections.abc import Iterator
 from functools import cache
 from pathlib import Path
 from typing import Any, NamedTuple
 
-__all__ = ["PAGE", "RESULTS", "Result", "commits", "page", "sources", "status"]
+__all__ = ["PAGE", "RESULTS", "Result", "commits", "page", "renew", "sources", "status"]
 
 ROOT = Path(__file__).parents[1]
 PAGE = ROOT / "docs" / "evidence.md"
 TEMPLATE = Path(__file__).parent / "evidence_page.md.in"
+UNFINISHED = Path(__file__).parent / "unfinished.txt"
+DATA = ROOT.parent / "shared" / "data"
 
 
 class Result(NamedTuple):
@@ -35,53 +39,84 @@ class Result(NamedTuple):
     ----------
     path : str
         Below ``benchmarks/results``.
-    command : str
-        That computes it, behind ``python -m``.
     minutes : int
         Of one processor.
+    commands : tuple of str
+        That compute it and write its page, behind ``python -m`` unless they begin with ``make``;
+        ``{data}`` is the folder of recordings that the project does not ship, ``{scratch}`` one
+        that is removed.
     """
 
     path: str
-    command: str
     minutes: int
+    commands: tuple[str, ...]
+
+    @property
+    def where(self) -> Path:
+        """The file or folder that holds it."""
+        return ROOT / "benchmarks" / "results" / self.path
 
     @property
     def files(self) -> list[Path]:
         """The files that have it."""
-        where = ROOT / "benchmarks" / "results" / self.path
-        return [where] if where.is_file() else sorted(where.rglob("*.jsonl.gz"))
+        return [self.where] if self.where.is_file() else sorted(self.where.rglob("*.jsonl.gz"))
+
+    @property
+    def modules(self) -> list[str]:
+        """Modules that its commands run."""
+        return [words.split()[0] for words in self.commands if not words.startswith("make ")]
 
 
 RESULTS = {
-    "accuracy": Result("accuracy.json", "benchmarks.accuracy --seed 21", 5),
-    "agreement": Result("agreement.json", "benchmarks.agreement", 40),
-    "attack": Result("attack.json", "benchmarks.attack --inputs 1000000 --minutes 300", 300),
-    "battery": Result("battery", "benchmarks.battery", 1200),
-    "broken channels": Result("broken_channels.json", "benchmarks.broken_channels --quick", 60),
-    "calibration": Result("calibration", "benchmarks.calibration", 600),
-    "change points": Result("change_points.json", "benchmarks.change_points", 5),
-    "clocks": Result("clocks.json", "benchmarks.clocks", 30),
-    "compare": Result("compare.json", "benchmarks.compare", 30),
-    "fleet": Result("fleet.json", "benchmarks.fleet", 15),
-    "growth": Result("growth.json", "benchmarks.growth", 15),
-    "law forms": Result("law_forms.json", "benchmarks.law_forms", 1),
-    "live": Result("live.json", "benchmarks.live", 5),
-    "logger": Result("logger.json", "benchmarks.logger --seed 41", 60),
-    "long logs": Result("long_logs.json", "benchmarks.long_logs", 5),
-    "online": Result("online.json", "benchmarks.online", 60),
-    "other sensors": Result("other_sensors.json", "benchmarks.other_sensors", 40),
-    "plan": Result("plan.json", "benchmarks.plan", 40),
-    "predicted biases": Result("predicted_biases.json", "benchmarks.predicted_biases", 10),
-    "real cars": Result(
-        "real_cars.json", "benchmarks.real_cars --size 0.25 --size 0.5 --size 1", 60
+    "accuracy": Result("accuracy.json", 5, ("benchmarks.accuracy --seed 21",)),
+    "agreement": Result("agreement.json", 15, ("benchmarks.agreement --cars 40",)),
+    "attack": Result("attack.json", 90, ("benchmarks.attack --inputs 300000 --minutes 60",)),
+    "battery": Result(
+        "battery", 150, ("benchmarks.battery --seed 101 --runs 6", "benchmarks.battery --report")
     ),
-    "real dampers": Result("real_dampers.json", "benchmarks.real_dampers DYNO", 240),
-    "resampled exports": Result("resampled_exports.json", "benchmarks.resampled_exports", 40),
-    "roll car": Result("rolling.json", "benchmarks.rolling", 60),
-    "roomster": Result("roomster.json", "benchmarks.roomster", 60),
-    "scatter": Result("scatter.json", "benchmarks.scatter", 30),
-    "speed beside peers": Result("peers.json", "benchmarks.peers", 30),
-    "wrong inputs": Result("mistaken_inputs.json", "benchmarks.mistaken_inputs.score", 60),
+    "broken channels": Result(
+        "broken_channels.json", 40, ("benchmarks.broken_channels --quick --cases 200",)
+    ),
+    "calibration": Result(
+        "calibration", 150, ("benchmarks.calibration --runs 60", "benchmarks.calibration --report")
+    ),
+    "change points": Result("change_points.json", 5, ("benchmarks.change_points",)),
+    "clocks": Result("clocks.json", 30, ("benchmarks.clocks",)),
+    "compare": Result("compare.json", 30, ("benchmarks.compare",)),
+    "fleet": Result("fleet.json", 15, ("benchmarks.fleet",)),
+    "growth": Result("growth.json", 15, ("benchmarks.growth",)),
+    "law forms": Result("law_forms.json", 1, ("benchmarks.law_forms",)),
+    "live": Result("live.json", 5, ("benchmarks.live",)),
+    "logger": Result("logger.json", 30, ("benchmarks.logger --seed 41 --transfers 100",)),
+    "long logs": Result("long_logs.json", 5, ("benchmarks.long_logs",)),
+    "online": Result("online.json", 60, ("benchmarks.online",)),
+    "other sensors": Result("other_sensors.json", 20, ("benchmarks.other_sensors --runs 100",)),
+    "plan": Result("plan.json", 20, ("benchmarks.plan --each 1",)),
+    "predicted biases": Result("predicted_biases.json", 10, ("benchmarks.predicted_biases",)),
+    "real cars": Result(
+        "real_cars.json", 60, ("benchmarks.real_cars --size 0.25 --size 0.5 --size 1",)
+    ),
+    "real dampers": Result("real_dampers.json", 120, ("benchmarks.real_dampers {data}/dyno",)),
+    "resampled exports": Result("resampled_exports.json", 40, ("benchmarks.resampled_exports",)),
+    "roll car": Result("rolling.json", 60, ("benchmarks.rolling", "benchmarks.rolling worn 4")),
+    "roomster": Result("roomster.json", 60, ("benchmarks.roomster {data}/roomster",)),
+    "scatter": Result("scatter.json", 30, ("benchmarks.scatter",)),
+    "speed beside peers": Result(
+        "peers.json",
+        30,
+        (
+            "make .venv/peers/.installed",
+            "benchmarks.peers --python .venv/peers/bin/python",
+        ),
+    ),
+    "wrong inputs": Result(
+        "mistaken_inputs.json",
+        60,
+        (
+            "benchmarks.mistaken_inputs.cases {scratch}/cases --seed 26",
+            "benchmarks.mistaken_inputs.score {scratch}/cases",
+        ),
+    ),
 }
 
 
@@ -184,7 +219,7 @@ def status(result: Result) -> str:
     known = [_git("merge-base", "--is-ancestor", one, "HEAD").returncode == 0 for one in named]
     if not all(known):
         return f"{text}, of which not all are in the history of this branch"
-    files = sorted(sources(result.command.split()[0]))
+    files = sorted(frozenset[str]().union(*(sources(module) for module in result.modules)))
     changed = [_git("diff", "--quiet", commit, "--", *files).returncode != 0 for commit in named]
     return f"{text}, {'older than the code' if any(changed) else 'of the present code'}"
 
@@ -197,23 +232,55 @@ def page() -> str:
     return text
 
 
+def renew(result: Result, data: Path) -> None:
+    """Run the commands of a result, one after the other."""
+    with tempfile.TemporaryDirectory() as scratch:
+        for words in result.commands:
+            filled = shlex.split(words.format(data=data, scratch=scratch))
+            start = filled if filled[0] == "make" else [sys.executable, "-m", *filled]
+            subprocess.run(start, cwd=ROOT, check=True)
+
+
+def _unfinished() -> list[str]:
+    """Names of results whose renewal was begun and did not end."""
+    return UNFINISHED.read_text("utf-8").split("\n") if UNFINISHED.exists() else []
+
+
+def _set_unfinished(names: list[str]) -> None:
+    if names:
+        UNFINISHED.write_text("\n".join(names), "utf-8")
+    else:
+        UNFINISHED.unlink(missing_ok=True)
+
+
 def main() -> None:
     """Renew older results, and write the page."""
     parser = argparse.ArgumentParser(description=__doc__.partition("\n")[0] if __doc__ else None)
     parser.add_argument("--renew", action="store_true", help="run the benchmarks of older results")
     parser.add_argument("--only", action="append", choices=RESULTS, help="one of the results")
+    parser.add_argument("--data", type=Path, default=DATA, help="folder of other recordings")
     options = parser.parse_args()
-    chosen = {name: RESULTS[name] for name in options.only or RESULTS}
-    stale = {n: r for n, r in chosen.items() if not status(r).endswith("of the present code")}
-    minutes = sum(result.minutes for result in stale.values())
-    for name, result in sorted(stale.items(), key=lambda pair: pair[1].minutes):
-        print(f"{name}: {status(result)}; python -m {result.command} ({result.minutes} min)")
-    print(f"{len(stale)} of {len(chosen)} results are older; {minutes / 60:.1f} h of one processor")
-    if options.renew:
-        for _, result in sorted(stale.items(), key=lambda pair: pair[1].minutes):
-            subprocess.run(
-                [sys.executable, "-m", *shlex.split(result.command)], cwd=ROOT, check=True
-            )
+    begun = _unfinished()
+    older = {
+        name: result
+        for name, result in RESULTS.items()
+        if name in (options.only or RESULTS)
+        and (name in begun or not status(result).endswith("of the present code"))
+    }
+    by_time = sorted(older, key=lambda name: (name not in begun, RESULTS[name].minutes))
+    for name in by_time:
+        result = older[name]
+        print(f"{name}: {status(result)}; {'; '.join(result.commands)} ({result.minutes} min)")
+    hours = sum(result.minutes for result in older.values()) / 60.0
+    print(f"{len(older)} of {len(RESULTS)} results are older; {hours:.1f} h of one processor")
+    for name in by_time if options.renew else []:
+        result = older[name]
+        if name not in begun:  # a benchmark resumes; what older code left does not belong to it
+            shutil.rmtree(result.where, ignore_errors=True)
+            result.where.unlink(missing_ok=True)
+            _set_unfinished([*_unfinished(), name])
+        renew(result, options.data)
+        _set_unfinished([other for other in _unfinished() if other != name])
     PAGE.write_text(page(), "utf-8")
 
 

@@ -1,6 +1,7 @@
 """The page of evidence says by itself which results are older than the code."""
 
 import json
+import subprocess
 from pathlib import Path
 
 import pytest
@@ -58,7 +59,7 @@ def test_a_result_is_older_once_a_file_behind_it_changed(
     head = freshness._git("rev-parse", "HEAD").stdout.strip()
     path = tmp_path / "one.json"
     path.write_text(json.dumps({"parts": [{"commit": head}]}))
-    result = Result(str(path), "benchmarks.provenance", 1)
+    result = Result(str(path), 1, ("benchmarks.provenance",))
     changed = freshness._git("status", "--porcelain", "benchmarks", "bayes_asv", "tests").stdout
     if not changed:
         assert status(result) == f"commit {head}, of the present code"
@@ -70,3 +71,40 @@ def test_a_result_is_older_once_a_file_behind_it_changed(
     assert status(result).endswith("not all are in the history of this branch")
     path.write_text("{}")
     assert status(result) == "commit unknown"
+
+
+def test_a_renewal_that_is_stopped_goes_on_where_it_was(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    """Results of older code go first; what a stopped benchmark has done stays."""
+    old = tmp_path / "one.json"
+    old.write_text(json.dumps({"commit": "0123abc"}))
+    result = Result(str(old), 1, ("benchmarks.provenance --of {data}",))
+    monkeypatch.setattr(freshness, "RESULTS", {"one": result})
+    monkeypatch.setattr(freshness, "UNFINISHED", tmp_path / "unfinished.txt")
+    monkeypatch.setattr(freshness, "PAGE", tmp_path / "page.md")
+    monkeypatch.setattr("sys.argv", ["freshness", "--renew", "--data", "/elsewhere"])
+    seen: list[tuple[list[str], bool]] = []
+
+    def stopped(words: list[str], **_: object) -> None:
+        seen.append((words[2:], old.exists()))
+        old.write_text(json.dumps({"commit": head}))
+        raise KeyboardInterrupt
+
+    head = freshness._git("rev-parse", "HEAD").stdout.strip()
+    run = subprocess.run
+    monkeypatch.setattr(
+        subprocess, "run", lambda *a, **k: (run if a[0][0] == "git" else stopped)(*a, **k)
+    )
+    for _ in range(2):
+        with pytest.raises(KeyboardInterrupt):
+            freshness.main()
+    words = ["benchmarks.provenance", "--of", "/elsewhere"]
+    assert seen == [(words, False), (words, True)]
+    assert (tmp_path / "unfinished.txt").read_text() == "one"
+
+
+def test_the_commands_that_renew_are_commands() -> None:
+    for result in RESULTS.values():
+        for module in result.modules:
+            assert sources(module), module
