@@ -72,7 +72,9 @@ RESULTS = {
     "agreement": Result("agreement.json", 15, ("benchmarks.agreement --cars 40",)),
     "attack": Result("attack.json", 90, ("benchmarks.attack --inputs 300000 --minutes 60",)),
     "battery": Result(
-        "battery", 150, ("benchmarks.battery --seed 101 --runs 6", "benchmarks.battery --report")
+        "battery",
+        150,
+        ("benchmarks.battery --seed 101 --runs 6", "benchmarks.battery --seed 101 --report"),
     ),
     "broken channels": Result(
         "broken_channels.json", 40, ("benchmarks.broken_channels --quick --cases 200",)

@@ -32,6 +32,7 @@ from bayes_asv.domain.recording import ROLL_CHANNELS, Recording
 from bayes_asv.domain.vehicle import Vehicle, read_vehicle
 from bayes_asv.estimate_result import EstimationResult
 from bayes_asv.estimation import estimate
+from benchmarks.provenance import current_commit
 from tests.rig import DEFAULT_SPEEDS, TERRAINS
 from tests.rig.wide import WideCar, draw_wide, shifted, wide_baja, wide_drive, wide_toml
 
@@ -167,6 +168,7 @@ def main(count: int) -> None:
     cars = _cars()
     document: dict[str, Any] = {
         "command": f"python -m benchmarks.rolling {count}",
+        "commit": current_commit(),
         "version": __version__,
         "python": platform.python_version(),
         "numpy": np.__version__,
