@@ -26,7 +26,8 @@ from dataclasses import dataclass, replace
 import numpy as np
 from numpy.typing import NDArray
 
-from bayes_asv.filters.kalman import MISSING, LinearisedFilter, perturbation_response
+from bayes_asv.filters.kalman import MISSING
+from bayes_asv.filters.linearised_filter import LinearisedFilter, perturbation_response
 from bayes_asv.posterior.denoised_inputs import denoise_and_predict
 from bayes_asv.posterior.fisher_scoring import STEP, ScoreAndInformation
 from bayes_asv.posterior.fitted_model import Dataset, FittedModel, fit_model, update_corrections
@@ -97,12 +98,7 @@ class FixedGainFilter:
         """
         change = _residuals(posterior, z, self.run, self.start) - self.residuals
         recording = self.posterior.space.recordings[self.run]
-        perturbation = Perturbation(
-            np.zeros_like(recording.moments),
-            change,
-            np.zeros((len(change), len(recording.car.elements))),
-        )
-        return self.response(perturbation)
+        return self.response(Perturbation.of_readings(recording, change))
 
     def response(self, perturbation: Perturbation) -> Array:
         """Change of the predictions (N,) by a perturbation of the run, in standard deviations."""

@@ -34,12 +34,12 @@ from numpy.typing import NDArray
 
 from bayes_asv.diagnosis.denoised_model import DenoisedModel
 from bayes_asv.diagnosis.thresholds import MIN_INFORMATION_SHARE
-from bayes_asv.filters.force_laws import OUTSIDE, excess_many
+from bayes_asv.filters.force_laws import OUTSIDE
 from bayes_asv.filters.kalman import VALUE
 from bayes_asv.models.effects import AXLES
 from bayes_asv.models.outputs import relative_offset
 from bayes_asv.posterior.effect_fit import Candidate
-from bayes_asv.posterior.effects import law_table
+from bayes_asv.posterior.effects import force_history
 from bayes_asv.posterior.fisher_scoring import ScoreAndInformation
 from bayes_asv.posterior.fitted_model import Dataset, FittedModel, transfer_coordinates
 from bayes_asv.posterior.likelihood import Perturbation, shared_work
@@ -177,21 +177,21 @@ def score_test(denoised: DenoisedModel, candidates: list[Candidate]) -> ScoreTes
     recordings = model.space.recordings
     z = model.mode.z
 
+    def responses(candidate: Candidate, runs: list[int]) -> Iterator[Array]:
+        placed, values = candidate.placed, candidate.values
+        if placed.effect.code == OUTSIDE:  # motion does not change it: nothing to simulate
+            for run in runs:
+                force = force_history(recordings[run], {placed: values}, run)
+                yield denoised.filters[run].response(Perturbation.of_forces(recordings[run], force))
+            return
+        posterior = dataset.posterior((*model.placed_effects, placed))
+        extended = transfer_coordinates(model.space, z, posterior.space, placed, values)
+        for run in runs:
+            yield denoised.filters[run].sensitivity(posterior, extended)
+
     def sensitivity(candidate: Candidate) -> Array:
-        posterior = dataset.posterior((*model.placed_effects, candidate.placed))
-        extended = transfer_coordinates(
-            model.space, z, posterior.space, candidate.placed, candidate.values
-        )
-        by_run = {}
-        for run, fixed_gain in enumerate(denoised.filters):
-            if candidate.placed.run not in (None, run):
-                continue
-            by_run[run] = (
-                fixed_gain.response(_force_alone(candidate, run, recordings[run]))
-                if candidate.placed.effect.code == OUTSIDE
-                else fixed_gain.sensitivity(posterior, extended)
-            )
-        joined = denoised.concatenate(by_run)
+        runs = [run for run in range(len(recordings)) if candidate.placed.run in (None, run)]
+        joined = denoised.concatenate(dict(zip(runs, responses(candidate, runs), strict=True)))
         # a candidate whose simulation diverges has no score
         return joined if np.all(np.isfinite(joined)) else np.zeros_like(joined)
 
@@ -204,23 +204,6 @@ def score_test(denoised: DenoisedModel, candidates: list[Candidate]) -> ScoreTes
     gradient, information = projection.project_out(sensitivities)
     return ScoreTest(
         tuple(candidates), sensitivities, gradient, information, denoised.derivatives, drifts
-    )
-
-
-def _force_alone(candidate: Candidate, run: int, recording: PreparedRecording) -> Perturbation:
-    """Return the force of a candidate that does not depend on the car's motion."""
-    table = law_table(recording.car, {candidate.placed: candidate.values}, run)
-    time, rest = recording.elapsed, np.zeros(len(recording.elapsed))
-    return Perturbation(
-        np.zeros_like(recording.moments),
-        np.zeros_like(recording.reading),
-        np.stack(
-            [
-                excess_many(table, e, 0.0, 0.0, rest, rest, time, time[-1])[:, 0]
-                for e in range(len(recording.car.elements))
-            ],
-            axis=1,
-        ),
     )
 
 

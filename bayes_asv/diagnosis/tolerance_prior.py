@@ -42,7 +42,7 @@ from bayes_asv.models.effects import PlacedEffect
 from bayes_asv.posterior.effect_fit import Candidate
 from bayes_asv.posterior.fisher_scoring import STEP, ScoreAndInformation
 from bayes_asv.posterior.fitted_model import FittedModel, fit_model
-from bayes_asv.posterior.likelihood import Perturbation, Posterior
+from bayes_asv.posterior.likelihood import Posterior
 
 __all__ = [
     "MAX_TOLERANCES",
@@ -198,11 +198,9 @@ class OffsetPosterior(Posterior):
     log_variances: tuple[Array, ...] = ()
     cost: float = 0.0
 
-    def filter_passes(
-        self, z: Array, run: int, nudge: Perturbation | None = None
-    ) -> tuple[Array, Array, Array]:
+    def filter_passes(self, z: Array, run: int) -> tuple[Array, Array, Array]:
         """Return the passes of the plain posterior, with the offset subtracted."""
-        nu, logs, states = super().filter_passes(z, run, nudge)
+        nu, logs, states = super().filter_passes(z, run)
         change = np.exp(-0.5 * (logs - self.log_variances[run])) * self.offset[run]
         return np.where(logs != 0.0, nu - change, 0.0), logs, states
 

@@ -32,9 +32,10 @@ from bayes_asv.diagnosis.unlisted_fault_models import (
     rms_travel,
     unit_size,
 )
-from bayes_asv.filters.force_laws import OUTSIDE, excess_many, table_of_laws
+from bayes_asv.models.effects import EFFECTS, PlacedEffect
 from bayes_asv.models.effects.damper_curve import KNOTS as DAMPER_KNOTS
 from bayes_asv.models.effects.spring_curve import KNOTS as SPRING_KNOTS
+from bayes_asv.posterior.effects import force_history
 from bayes_asv.posterior.fitted_model import Dataset
 from bayes_asv.posterior.likelihood import Perturbation, shared_work
 
@@ -253,10 +254,7 @@ def _force_sensitivities(
             recording = model.dataset.recordings[run]
             force = np.zeros((len(recording.elapsed), len(recording.car.elements)))
             force[:, elements] = forces.T
-            nudge = Perturbation(
-                np.zeros_like(recording.moments), np.zeros_like(recording.reading), force
-            )
-            responses[run] = model.filters[run].response(nudge)
+            responses[run] = model.filters[run].response(Perturbation.of_forces(recording, force))
         return model.concatenate(responses)
 
     with shared_work(model.model.posterior) as shared:
@@ -272,7 +270,7 @@ def pulse_sensitivities(model: DenoisedModel, axle: str) -> Array:
     pulse in the same run.
     """
     size = _PULSE_FORCE * model.model.space.sizes.load
-    shares = model.model.space.car.shares(axle)
+    force = PlacedEffect(EFFECTS["external_force"], axle)
     runs = [(run, recording.elapsed) for run, recording in enumerate(model.dataset.recordings)]
     starts = [
         (run, start) for run, time in runs for start in np.arange(time[0], time[-1], _PULSE_SPACING)
@@ -281,16 +279,9 @@ def pulse_sensitivities(model: DenoisedModel, axle: str) -> Array:
     def sensitivity(at: tuple[int, float]) -> Array:
         run, start = at
         recording = model.dataset.recordings[run]
-        pulse = table_of_laws([[0, OUTSIDE, size, start, _PULSE_SPACING, _PULSE_SPACING]])
-        time = recording.elapsed
-        rest = np.zeros(len(time))
-        force = excess_many(pulse, 0, 0.0, 0.0, rest, rest, time, time[-1])[:, 0]
-        perturbation = Perturbation(
-            np.zeros_like(recording.moments),
-            np.zeros_like(recording.reading),
-            np.outer(force, shares),
-        )
-        return model.concatenate({run: model.filters[run].response(perturbation)})
+        pulse = {"force": size, "start": start, "duration": _PULSE_SPACING, "rise": _PULSE_SPACING}
+        added = Perturbation.of_forces(recording, force_history(recording, {force: pulse}, run))
+        return model.concatenate({run: model.filters[run].response(added)})
 
     with shared_work(model.model.posterior) as shared:
         assert shared.pool is not None

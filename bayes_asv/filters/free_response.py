@@ -27,7 +27,7 @@ from bayes_asv.filters.prediction import (
     STEP_LENGTHS,
     STEP_SERIES,
     TAYLOR,
-    place_of_step,
+    find_step,
     power_series,
     step_weights,
 )
@@ -76,8 +76,8 @@ def _compiled(nx: int, ne: int, nm: int, nd: int, nu: int, ny: int) -> Callable[
         drive = np.empty((nu, ORDER, nx, lanes))
         power_series(nx, nu, lanes, A, B, powers, drive)
         lengths = np.full(STEP_LENGTHS, -1.0)
-        bases = np.zeros((STEP_LENGTHS, rows, coupled, lanes))
-        Ws = np.zeros((STEP_LENGTHS, 3, nf, ne, lanes))
+        kept_base = np.zeros((STEP_LENGTHS, rows, coupled, lanes))
+        kept_W = np.zeros((STEP_LENGTHS, 3, nf, ne, lanes))
         Q = np.zeros((nu, nx, nx, lanes))
         weights = np.empty((STEP_SERIES, TAYLOR + 1))
         last = np.zeros((2, ne, lanes))
@@ -105,12 +105,8 @@ def _compiled(nx: int, ne: int, nm: int, nd: int, nu: int, ny: int) -> Callable[
         for k in range(step.shape[0]):
             h = step[k]
             if h > 0.0:
-                slot = place_of_step(h, lengths)
-                known = slot >= 0
-                if not known:
-                    slot, oldest = oldest, (oldest + 1) % STEP_LENGTHS
-                    lengths[slot] = h
-                base, W = bases[slot], Ws[slot]
+                slot, known, oldest = find_step(h, lengths, oldest)
+                base, W = kept_base[slot], kept_W[slot]
                 if not known:
                     step_weights(h, weights)
                     discretize_vectors(nx, nd, nu, rows, coupled, weights, powers, B, N, base, Q)

@@ -21,6 +21,7 @@ from numba import njit
 from numpy.typing import NDArray
 
 from bayes_asv.filters.force_laws import SERIES_STIFFNESS, table_of_laws
+from bayes_asv.filters.linearised_filter import LinearisedFilter, room_for
 from bayes_asv.filters.prediction import (
     AT_LEAST,
     AT_MOST,
@@ -35,8 +36,8 @@ from bayes_asv.filters.prediction import (
     condition_on_bound,
     condition_on_value,
     decays,
+    find_step,
     gained_noise,
-    place_of_step,
     power_series,
     step_weights,
 )
@@ -52,16 +53,16 @@ from bayes_asv.filters.vector_steps import (
     advance_mean_vectors,
     condition_vectors,
     discretize_vectors,
+    feedback_vectors,
     linearise_vectors,
-    onward_vectors,
     predict_vectors,
     project_vectors,
 )
 
 __all__ = [
     "AT_LEAST", "AT_MOST", "LANES", "MISSING", "NO_LAWS", "ORDER", "VALUE", "FilterPass", "Laws",
-    "LinearisedFilter", "Measurements", "SensorNoise", "StateSpace", "filter_pass", "linearise",
-    "log_likelihood", "perturbation_response",
+    "Measurements", "SensorNoise", "StateSpace", "filter_pass", "linearise",
+    "log_likelihood",
 ]  # fmt: skip
 
 Array = NDArray[np.float64]
@@ -209,48 +210,6 @@ class FilterPass(NamedTuple):
     states: Array
 
 
-class LinearisedFilter(NamedTuple):
-    """The filter of one recording and one parameter set, linearised along its own path.
-
-    With n = nx + ne + nm + nd + nu + 2 ny states: those of the car, forces that passed the sensors'
-    filter, forces of dampers in series with a stiffness, biases and noise of the inputs, biases and
-    noise of the outputs.  The first nx + ne + nm are carried, and those before the outputs' drive
-    them.
-
-    Parameters
-    ----------
-    step : (N,) array
-        Time since the instant before, s.
-    transitions : (N, carried, driving) array
-        From the states before a step to the carried states after it.
-    onward : (N, carried, nx + ne) array
-        From a change of car and filtered forces within a step to its end, by the suspension forces
-        there.
-    by_force : (N, 2, nx + ne, ne) array
-        By forces on the body that last over the step, and by those that grow over it.
-    decay : (N, n) array
-        What is left of the other states.
-    gains : (N, ny, n) array
-        Changes of the states by a reading that differs from its prediction; zero without a reading.
-    roots : (N, ny) array
-        Inverse standard deviations of the innovations; zero where there is no value.
-    drive : (nu, ORDER, nx) array
-        By moments of the inputs.
-    C : (ny, carried) array
-        Outputs by carried states.
-    """
-
-    step: Array
-    transitions: Array
-    onward: Array
-    by_force: Array
-    decay: Array
-    gains: Array
-    roots: Array
-    drive: Array
-    C: Array
-
-
 @lru_cache(maxsize=64)
 def _compiled(
     nx: int, ne: int, nm: int, nd: int, nu: int, ny: int
@@ -291,7 +250,7 @@ def _compiled(
         logs: Array,
         states: Array,
         transitions: Array,
-        onward: Array,
+        feedbacks: Array,
         by_force: Array,
         decay_at: Array,
         gains: Array,
@@ -339,11 +298,11 @@ def _compiled(
                 P[coupled + ny + y, coupled + ny + y, q] = filtered[nu + y, q]
 
         lengths = np.full(STEP_LENGTHS, -1.0)
-        bases = np.zeros((STEP_LENGTHS, rows, coupled, lanes))
-        Qs = np.zeros((STEP_LENGTHS, nu, nx, nx, lanes))
-        decay_of = np.ones((STEP_LENGTHS, n, lanes))
-        gained_of = np.empty((STEP_LENGTHS, nu + ny, lanes))
-        Ws = np.zeros((STEP_LENGTHS, 3, nf, ne, lanes))
+        kept_base = np.zeros((STEP_LENGTHS, rows, coupled, lanes))
+        kept_Q = np.zeros((STEP_LENGTHS, nu, nx, nx, lanes))
+        kept_decay = np.ones((STEP_LENGTHS, n, lanes))
+        kept_gained = np.empty((STEP_LENGTHS, nu + ny, lanes))
+        kept_W = np.zeros((STEP_LENGTHS, 3, nf, ne, lanes))
         carry = np.zeros((rows, coupled, lanes))
         T = np.empty((2, rows, lanes))
         PC = np.empty((n, lanes))
@@ -368,10 +327,10 @@ def _compiled(
         work = law_workspace(ne)
         nonlinear = table.shape[1] > 0  # without laws the Jacobian of a step stays as it is
         linearised = transitions.shape[0] > 0
-        passed_on = np.zeros((rows, nf, lanes))
+        feedback = np.zeros((rows, nf, lanes))
         for a in range(nf):
             for q in range(lanes):
-                passed_on[a, a, q] = 1.0
+                feedback[a, a, q] = 1.0
         if linearised:
             for u in range(nu):
                 for j in range(ORDER):
@@ -382,13 +341,9 @@ def _compiled(
         for k in range(step.shape[0]):
             h = step[k]
             if h > 0.0:
-                slot = place_of_step(h, lengths)
-                known = slot >= 0
-                if not known:
-                    slot, oldest = oldest, (oldest + 1) % STEP_LENGTHS
-                    lengths[slot] = h
-                base, Q, W = bases[slot], Qs[slot], Ws[slot]
-                decay, gained = decay_of[slot], gained_of[slot]
+                slot, known, oldest = find_step(h, lengths, oldest)
+                base, Q, W = kept_base[slot], kept_Q[slot], kept_W[slot]
+                decay, gained = kept_decay[slot], kept_gained[slot]
                 if not known:
                     step_weights(h, weights)
                     discretize_vectors(nx, nd, nu, rows, coupled, weights, powers, B, N, base, Q)
@@ -423,15 +378,15 @@ def _compiled(
                         )  # fmt: skip
                     if linearised:
                         if nonlinear:
-                            onward_vectors(
+                            feedback_vectors(
                                 nx, ne, nm, coupled, W, lag, by, stiffness, damping, series,
-                                passed_on,
+                                feedback,
                             )  # fmt: skip
                         for a in range(rows):
                             for b in range(coupled):
                                 transitions[k, a, b] = carry[a, b, 0]
                             for b in range(nf):
-                                onward[k, a, b] = passed_on[a, b, 0]
+                                feedbacks[k, a, b] = feedback[a, b, 0]
                         for part in range(2):
                             for a in range(nf):
                                 for e in range(ne):
@@ -524,7 +479,7 @@ def _passes(
     out += [np.zeros((len(A), instants, size, LANES)) for size in (ny, ny, nx + ne)]
     run = _compiled(nx, ne, nm, system.N.shape[1], nu, ny)
     if linearised is None:
-        linearised = _room(nx, ne, nm, system.N.shape[1], nu, ny, np.zeros(0))
+        linearised = room_for(nx, ne, nm, system.N.shape[1], nu, ny, np.zeros(0))
     for b in range(len(A)):
         run(
             A[b], B[b], C[b], E[b], rates[b], system.N, biases[b], white[b], filtered[b], poles[b],
@@ -533,24 +488,6 @@ def _passes(
         )  # fmt: skip
     total, *kept = (np.moveaxis(x, -1, 1).reshape(len(A) * LANES, *x.shape[1:-1])[:W] for x in out)
     return FilterPass(total, *kept)
-
-
-def _room(nx: int, ne: int, nm: int, nd: int, nu: int, ny: int, step: Array) -> LinearisedFilter:
-    """Make arrays for a filter that is linearised at some instants."""
-    instants, forces, carried = len(step), nx + ne, nx + ne + nm
-    driving = carried + nd + nu
-    n = driving + 2 * ny
-    return LinearisedFilter(
-        step,
-        np.zeros((instants, carried, driving)),
-        np.zeros((instants, carried, forces)),
-        np.zeros((instants, 2, forces, ne)),
-        np.zeros((instants, n)),
-        np.zeros((instants, ny, n)),
-        np.zeros((instants, ny)),
-        np.zeros((nu, ORDER, nx)),
-        np.zeros((ny, carried)),
-    )
 
 
 def log_likelihood(
@@ -595,85 +532,6 @@ def linearise(
     nx, nu = system.B.shape[1:]
     ny, ne = system.C.shape[1], system.E.shape[2]
     nm = series_dampers(laws, ne)
-    room = _room(nx, ne, nm, system.N.shape[1], nu, ny, data.step)
+    room = room_for(nx, ne, nm, system.N.shape[1], nu, ny, data.step)
     filtered = _passes(system, noise, data, laws, True, room)
     return filtered, room._replace(C=readout(system, nm)[0])
-
-
-def perturbation_response(
-    linearised: LinearisedFilter, moments: Array, reading: Array, added: Array
-) -> Array:
-    """Change of normalised innovations by small changes of a recording, with fixed gain.
-
-    Parameters
-    ----------
-    linearised : LinearisedFilter
-        Of the recording.
-    moments : (N, nu, ORDER) array
-        Changes of the moments of the inputs.
-    reading : (N, ny) array
-        Changes of the outputs or rails.
-    added : (N, ne) array
-        Changes of the forces on the body at the elements, N; straight from instant to instant.
-
-    Returns
-    -------
-    (N, ny) array
-        Zero where there is no value.
-    """
-    out = np.zeros(reading.shape)
-    _respond(*linearised, moments, reading, added, out)
-    return out
-
-
-@njit(**OPTIONS)
-def _respond(
-    step: Array,
-    transitions: Array,
-    onward: Array,
-    by_force: Array,
-    decay: Array,
-    gains: Array,
-    roots: Array,
-    drive: Array,
-    C: Array,
-    moments: Array,
-    reading: Array,
-    added: Array,
-    out: Array,
-) -> None:
-    rows, coupled = transitions.shape[1:]
-    nf, ny, n = onward.shape[2], gains.shape[1], gains.shape[2]
-    nu, order, nx = drive.shape
-    ne = added.shape[1]
-    state, ahead, within = np.zeros(n), np.zeros(rows), np.zeros(nf)
-    for k in range(len(step)):
-        if step[k] > 0.0:
-            within[:] = 0.0
-            for u in range(nu):
-                for j in range(order):
-                    for a in range(nx):
-                        within[a] += drive[u, j, a] * moments[k, u, j]
-            for a in range(nf):
-                for e in range(ne):
-                    within[a] += by_force[k, 0, a, e] * added[k - 1, e]
-            for a in range(rows):
-                total = 0.0
-                for b in range(coupled):
-                    total += transitions[k, a, b] * state[b]
-                for b in range(nf):
-                    total += onward[k, a, b] * within[b]
-                if a < nf:
-                    for e in range(ne):
-                        total += by_force[k, 1, a, e] * (added[k, e] - added[k - 1, e])
-                ahead[a] = total
-            state[:rows] = ahead
-            for a in range(rows, n):
-                state[a] *= decay[k, a]
-        for y in range(ny):
-            left = reading[k, y] - state[coupled + y] - state[coupled + ny + y]
-            for a in range(rows):
-                left -= C[y, a] * state[a]
-            out[k, y] = left * roots[k, y]
-            for a in range(n):
-                state[a] += gains[k, y, a] * left

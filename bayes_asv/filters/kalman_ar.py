@@ -32,8 +32,8 @@ from bayes_asv.filters.prediction import (
     TAYLOR,
     VALUE,
     decays,
+    find_step,
     gained_noise,
-    place_of_step,
     power_series,
     step_weights,
 )
@@ -190,10 +190,10 @@ def _compiled(nx: int, nd: int, nu: int, ny: int) -> Callable[..., None]:
             for u in range(nu):
                 P[nx + nd + u, nx + nd + u, q] = filtered[u, q]
         lengths = np.full(STEP_LENGTHS, -1.0)
-        carries = np.zeros((STEP_LENGTHS, nx, coupled, lanes))
-        Qs = np.zeros((STEP_LENGTHS, nu, nx, nx, lanes))
-        decay_of = np.ones((STEP_LENGTHS, n, lanes))
-        gained_of = np.empty((STEP_LENGTHS, nu + ny, lanes))
+        kept_carry = np.zeros((STEP_LENGTHS, nx, coupled, lanes))
+        kept_Q = np.zeros((STEP_LENGTHS, nu, nx, nx, lanes))
+        kept_decay = np.ones((STEP_LENGTHS, n, lanes))
+        kept_gained = np.empty((STEP_LENGTHS, nu + ny, lanes))
         PC = np.empty((n, lanes))
         S = np.empty(lanes)
         shrink = np.empty(lanes)
@@ -217,13 +217,9 @@ def _compiled(nx: int, nd: int, nu: int, ny: int) -> Callable[..., None]:
         for k in range(step.shape[0]):
             h = step[k]
             if h > 0.0:
-                slot = place_of_step(h, lengths)
-                known = slot >= 0
-                if not known:
-                    slot, oldest = oldest, (oldest + 1) % STEP_LENGTHS
-                    lengths[slot] = h
-                carry, Q = carries[slot], Qs[slot]
-                decay, gained = decay_of[slot], gained_of[slot]
+                slot, known, oldest = find_step(h, lengths, oldest)
+                carry, Q = kept_carry[slot], kept_Q[slot]
+                decay, gained = kept_decay[slot], kept_gained[slot]
                 if not known:
                     step_weights(h, weights)
                     discretize_vectors(nx, nd, nu, nx, coupled, weights, powers, B, N, carry, Q)

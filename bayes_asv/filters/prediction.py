@@ -44,8 +44,8 @@ __all__ = [
     "condition_on_bound",
     "condition_on_value",
     "decays",
+    "find_step",
     "gained_noise",
-    "place_of_step",
     "power_series",
     "sizes_of_one_type",
     "step_weights",
@@ -163,12 +163,28 @@ are delays; stamps that are not even give it a new one at every row, and nothing
 
 
 @njit(**INLINE)
-def place_of_step(h: float, lengths: Array) -> int:
-    """Where a step of length h is kept among ``lengths`` (STEP_LENGTHS,), s; −1 if it is not."""
+def find_step(h: float, lengths: Array, oldest: int) -> tuple[int, bool, int]:
+    """Where a step of length h has its place among those that are kept.
+
+    Parameters
+    ----------
+    h : float
+        Its length, s.
+    lengths : (STEP_LENGTHS,) array
+        Those that are kept, s; gets h in place of the oldest where it is not among them.
+    oldest : int
+        Place of the oldest.
+
+    Returns
+    -------
+    int, bool, int
+        The place, whether the step was kept there, and the place of the oldest from now on.
+    """
     for place in range(len(lengths)):
         if abs(h - lengths[place]) <= 1e-12:
-            return place
-    return -1
+            return place, True, oldest
+    lengths[oldest] = h
+    return oldest, False, (oldest + 1) % len(lengths)
 
 
 @njit(**INLINE)

@@ -12,8 +12,9 @@ from bayes_asv.filters.vector_code import Choice, Shared, Table, Vector, emitted
 
 __all__ = [
     "advance_mean_vectors", "begin_forces_vectors", "begin_laws_vectors", "condition_vectors",
-    "discretize_vectors", "end_forces_vectors", "end_laws_vectors", "linearise_vectors",
-    "onward_vectors", "predict_vectors", "project_vectors", "rate_vectors",
+    "discretize_vectors", "end_forces_vectors", "end_laws_vectors", "feedback_vectors",
+    "linearise_vectors",
+    "predict_vectors", "project_vectors", "rate_vectors",
 ]  # fmt: skip
 
 
@@ -451,7 +452,7 @@ def linearise_vectors(
 
 
 @emitted
-def onward_vectors(
+def feedback_vectors(
     nx: int,
     ne: int,
     nm: int,
@@ -462,14 +463,16 @@ def onward_vectors(
     stiffness: Table,
     damping: Table,
     series: Table,
-    onward: Table,
+    feedback: Table,
 ) -> None:
-    """Fill what a change of the states within a step, before its last forces, makes of its end.
+    """Fill what the suspension forces at the end of a step make of a change within it.
 
-    ``onward`` (rows, nx + ne) gets the slopes; the others are those of :func:`linearise_vectors`.
+    ``feedback`` (rows, nx + ne) gets the slopes of the states after the step in car and filtered
+    forces as they are without that change of the forces; the others are those of
+    :func:`linearise_vectors`.
     """
     nf, rows = nx + ne, nx + ne + nm
-    by, onward, series = by.shaped(ne, coupled), onward.shaped(rows, nf), series.shaped(4, nm)
+    by, feedback, series = by.shaped(ne, coupled), feedback.shaped(rows, nf), series.shaped(4, nm)
     W, lag = W.shaped(3, nf, ne), lag.shaped(1)
     stiffness, damping = stiffness.shaped(2, ne), damping.shaped(2, ne)
     last = [
@@ -480,8 +483,8 @@ def onward_vectors(
         change = [last[e][b] for e in range(ne)]
         for e in range(nm):
             at_damper = by[e, b] * series[2, e]
-            onward[nf + e, b] = at_damper
+            feedback[nf + e, b] = at_damper
             change[e] = change[e] - at_damper
         for a in range(nf):
             total = products((W[1, a, e], change[e]) for e in range(ne))
-            onward[a, b] = total + 1.0 if a == b else total
+            feedback[a, b] = total + 1.0 if a == b else total

@@ -27,7 +27,7 @@ from numpy.typing import NDArray
 from scipy.interpolate import BSpline, CubicSpline, make_interp_spline
 
 from bayes_asv.domain.vehicle import Vehicle
-from bayes_asv.filters.force_laws import table_of_laws
+from bayes_asv.filters.force_laws import excess_many, table_of_laws
 from bayes_asv.filters.kalman import MISSING, ORDER
 from bayes_asv.filters.one_pole import low_passed
 from bayes_asv.models.car_model import CarModel
@@ -37,7 +37,14 @@ from bayes_asv.preprocessing.measured_inputs import denoise_wheel, unit_input_mo
 from bayes_asv.preprocessing.prepared_recording import PreparedRecording
 from bayes_asv.preprocessing.wheel_spline import WheelSignal, moments
 
-__all__ = ["NO_FILTER", "SensorCorrections", "Values", "law_table", "sensor_corrections"]
+__all__ = [
+    "NO_FILTER",
+    "SensorCorrections",
+    "Values",
+    "force_history",
+    "law_table",
+    "sensor_corrections",
+]
 
 Array = NDArray[np.float64]
 Values = Mapping[PlacedEffect, Mapping[str, float]]
@@ -61,6 +68,25 @@ def law_table(car: CarModel, values: Values, run: int) -> Array:
             packed = (packed[0] / len(elements), *packed[1:])
         out += [[e, placed.effect.code, *packed] for e in elements]
     return table_of_laws(out)
+
+
+def force_history(recording: PreparedRecording, values: Values, run: int) -> Array:
+    """Return the forces (E, ne) on the body, N, of effects that motion does not change.
+
+    Parameters
+    ----------
+    recording : PreparedRecording
+        The recording, the ``run``-th.
+    values : mapping
+        Effects and their values.
+    """
+    table, time = law_table(recording.car, values, run), recording.elapsed
+    rest = np.zeros(len(time))
+    by_element = [
+        excess_many(table, e, 0.0, 0.0, rest, rest, time, time[-1])[:, 0]
+        for e in range(len(recording.car.elements))
+    ]
+    return np.stack(by_element, axis=1)
 
 
 class NominalReadings(NamedTuple):

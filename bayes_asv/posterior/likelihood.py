@@ -19,11 +19,11 @@ from bayes_asv.filters.kalman import (
     NO_LAWS,
     FilterPass,
     Laws,
-    LinearisedFilter,
     Measurements,
     SensorNoise,
     StateSpace,
 )
+from bayes_asv.filters.linearised_filter import LinearisedFilter
 from bayes_asv.posterior.effects import NominalReadings, SensorCorrections, law_table
 from bayes_asv.posterior.parameters import ParameterSpace
 from bayes_asv.posterior.threads import Threads, threads
@@ -86,6 +86,17 @@ class Perturbation(NamedTuple):
     moments: Array
     reading: Array
     force: Array
+
+    @classmethod
+    def of_readings(cls, recording: PreparedRecording, change: Array) -> Perturbation:
+        """Return a change of the outputs (E, ny) alone."""
+        still = np.zeros((len(change), len(recording.car.elements)))
+        return cls(np.zeros_like(recording.moments), change, still)
+
+    @classmethod
+    def of_forces(cls, recording: PreparedRecording, force: Array) -> Perturbation:
+        """Return forces (E, ne) alone, N."""
+        return cls(np.zeros_like(recording.moments), np.zeros_like(recording.reading), force)
 
 
 class ClockExpansion(NamedTuple):
@@ -243,7 +254,7 @@ class Posterior:
         return out
 
     def _models(
-        self, z: Array, run: int, recording: PreparedRecording, nudge: Perturbation | None = None
+        self, z: Array, run: int, recording: PreparedRecording
     ) -> Iterator[tuple[list[int], tuple[StateSpace, SensorNoise, Measurements, Laws | None]]]:
         """Group points (W, D) by nominal readings; yield each group with its filter arguments."""
         system, noise = self.space.state_space(z, run), self.space.noises(z, run)
@@ -267,7 +278,7 @@ class Posterior:
                 (
                     system if whole else system.subset(sets),
                     noise if whole else noise.subset(sets),
-                    *self._measurements_and_laws(recording, run, nominal, tables[sets], nudge),
+                    *self._measurements_and_laws(recording, run, nominal, tables[sets]),
                 ),
             )
 
@@ -284,14 +295,10 @@ class Posterior:
         run: int,
         nominal: NominalReadings,
         tables: Array,
-        nudge: Perturbation | None,
     ) -> tuple[Measurements, Laws | None]:
         """Measurements from nominal readings, and force laws; None if no force acts."""
         moments, reading, _ = self._with_known_changes(nominal, run)
         added = self.known_force(run)
-        if nudge is not None:
-            moments, reading = moments + nudge.moments, reading + nudge.reading
-            added = added + nudge.force
         data = recording.measurements._replace(moments=moments, reading=reading)
         if tables.shape[1] == 0 and not np.any(added):
             return data, None
@@ -371,28 +378,24 @@ class Posterior:
             system, noise, recording.measurements, recording.ends_group, *residual_ar
         )
 
-    def innovations_and_variances(
-        self, z: Array, run: int, nudge: Perturbation | None = None
-    ) -> tuple[Array, Array, Array]:
+    def innovations_and_variances(self, z: Array, run: int) -> tuple[Array, Array, Array]:
         """Innovations (E, ny), their log variances (E, ny) and states (E, nx + ne) of one run.
 
         As :meth:`filter_passes`, for one point (D,).
         """
-        innovations, log_variances, states = self.filter_passes(z[None], run, nudge)
+        innovations, log_variances, states = self.filter_passes(z[None], run)
         return innovations[0], log_variances[0], states[0]
 
-    def filter_passes(
-        self, z: Array, run: int, nudge: Perturbation | None = None
-    ) -> tuple[Array, Array, Array]:
+    def filter_passes(self, z: Array, run: int) -> tuple[Array, Array, Array]:
         """Innovations (W, E, ny), their log variances (W, E, ny) and states of one run.
 
         Evaluated at coordinates (W, D); zero where there is no reading.  The states
         (W, E, nx + ne) are deflections and their rates element by element, body rates, and excess
-        forces.  The perturbation ``nudge`` changes readings or adds forces.
+        forces.
         """
         passes = []
         order: list[int] = []
-        for sets, model in self._models(z, run, self.space.recordings[run], nudge):
+        for sets, model in self._models(z, run, self.space.recordings[run]):
             filtered = kalman.filter_pass(*model)
             states = filtered.states
             if model[-1] is None:

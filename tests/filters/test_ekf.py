@@ -15,8 +15,8 @@ from bayes_asv.filters.kalman import (
     filter_pass,
     linearise,
     log_likelihood,
-    perturbation_response,
 )
+from bayes_asv.filters.linearised_filter import perturbation_response
 from bayes_asv.models.effects import EFFECTS, placed_effect
 from bayes_asv.posterior.effects import Values, law_table, sensor_corrections
 from bayes_asv.posterior.likelihood import WHITE, Posterior
