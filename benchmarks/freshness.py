@@ -2,8 +2,9 @@
 
 A result names the commit that it was computed with.  It is of the present code if none of the files
 that its benchmark imports, directly or not, has changed since.  ``python -m benchmarks.freshness``
-writes ``docs/evidence.md``, which says so for each; with ``--renew`` it first runs the benchmarks
-whose results are older, one after the other, shortest first.  All that take long resume where they
+writes two pages from the results, ``docs/evidence.md``, which says so for each, and
+``benchmarks/README.md``; with ``--renew`` it first runs the benchmarks whose results are older,
+one after the other, shortest first.  All that take long resume where they
 were stopped, and so does this: ``benchmarks/unfinished.txt`` names what was begun.
 """
 
@@ -13,6 +14,7 @@ import argparse
 import ast
 import gzip
 import json
+import re
 import shlex
 import shutil
 import subprocess
@@ -23,11 +25,14 @@ from functools import cache
 from pathlib import Path
 from typing import Any, NamedTuple
 
-__all__ = ["PAGE", "RESULTS", "Result", "commits", "page", "renew", "sources", "status"]
+__all__ = ["PAGES", "RESULTS", "Result", "commits", "page", "renew", "sources", "status"]
 
 ROOT = Path(__file__).parents[1]
-PAGE = ROOT / "docs" / "evidence.md"
-TEMPLATE = Path(__file__).parent / "evidence_page.md.in"
+PAGES = {
+    ROOT / "docs" / "evidence.md": Path(__file__).parent / "evidence_page.md.in",
+    ROOT / "benchmarks" / "README.md": Path(__file__).parent / "table.md.in",
+}
+"""Pages that are written from the results, and their templates."""
 UNFINISHED = Path(__file__).parent / "unfinished.txt"
 DATA = ROOT.parent / "shared" / "data"
 
@@ -226,12 +231,53 @@ def status(result: Result) -> str:
     return f"{text}, {'older than the code' if any(changed) else 'of the present code'}"
 
 
-def page() -> str:
-    """Return the page of all results, from its template and what the results say."""
-    text = TEMPLATE.read_text("utf-8")
-    for name, result in RESULTS.items():
-        text = text.replace(f"{{{name}}}", status(result))
-    return text
+class Published:
+    """A result within a template.
+
+    ``{name}`` is its status, ``{name[a][b]}`` what its document has there, ``{name.how}`` the
+    commands and the time that they take, ``{name.location}`` where it is, and ``{name.count}`` the
+    number of its runs, where a result is a folder.
+    """
+
+    def __init__(self, result: Result) -> None:
+        self._result = result
+
+    def __str__(self) -> str:
+        return status(self._result)
+
+    def __getitem__(self, key: str) -> Any:
+        return json.loads(self._result.where.read_text("utf-8"))[key]
+
+    @property
+    def how(self) -> str:
+        """Commands and minutes."""
+        words = [f"`{_start(words)}`".format(data="DATA", scratch="DIR")
+                 for words in self._result.commands]  # fmt: skip
+        minutes = self._result.minutes
+        span = f"{minutes} minute{'s' * (minutes > 1)} of one processor"
+        return f"{', then '.join(words)} ({span})"
+
+    @property
+    def location(self) -> str:
+        """Path beside the table of results."""
+        return f"`results/{self._result.path}`"
+
+    @property
+    def count(self) -> int:
+        """Cases in a folder of results, a line each of the file of its runs."""
+        runs = (path for path in self._result.files if path.name.startswith("runs"))
+        return sum(len(gzip.open(path).readlines()) for path in runs)
+
+
+def _start(words: str) -> str:
+    return words if words.startswith("make ") else f"python -m {words}"
+
+
+def page(template: Path) -> str:
+    """Return a page of all results, from its template and what the results say."""
+    names = {name: Published(result) for name, result in RESULTS.items()}
+    # A space belongs between a number and a per cent sign, and Python sets none.
+    return re.sub(r"(?<=\d)%", " %", template.read_text("utf-8").format_map(names))
 
 
 def renew(result: Result, data: Path) -> None:
@@ -283,7 +329,8 @@ def main() -> None:
             _set_unfinished([*_unfinished(), name])
         renew(result, options.data)
         _set_unfinished([other for other in _unfinished() if other != name])
-    PAGE.write_text(page(), "utf-8")
+    for where, template in PAGES.items():
+        where.write_text(page(template), "utf-8")
 
 
 if __name__ == "__main__":

@@ -1,5 +1,6 @@
 """The page of evidence says by itself which results are older than the code."""
 
+import gzip
 import json
 import subprocess
 from pathlib import Path
@@ -23,23 +24,30 @@ needs_history = pytest.mark.skipif(not HISTORY, reason="the history of the repos
 def test_every_result_is_on_the_page() -> None:
     published = {path.name for path in (ROOT / "benchmarks" / "results").iterdir()}
     assert {result.path for result in RESULTS.values()} == published
-    template = freshness.TEMPLATE.read_text("utf-8")
-    for name in RESULTS:
-        assert template.count(f"{{{name}}}") == 1
+    for template in freshness.PAGES.values():
+        text = template.read_text("utf-8")
+        for name in RESULTS:
+            assert text.count(f"{{{name}}}") == 1
 
 
 @needs_history
-def test_the_page_is_that_of_the_results_and_the_code() -> None:
-    assert freshness.PAGE.read_text("utf-8") == page(), "run python -m benchmarks.freshness"
+@pytest.mark.parametrize("where", freshness.PAGES, ids=lambda path: path.name)
+def test_the_pages_are_those_of_the_results_and_the_code(where: Path) -> None:
+    found = page(freshness.PAGES[where])
+    assert where.read_text("utf-8") == found, "run python -m benchmarks.freshness"
 
 
-def test_every_figure_of_a_benchmark_names_the_commit_of_its_result() -> None:
-    """The table of benchmarks states the commits that the results have."""
-    rows = (ROOT / "benchmarks" / "README.md").read_text("utf-8").splitlines()
-    for result in RESULTS.values():
-        (row,) = [row for row in rows if f"`results/{result.path.removesuffix('/')}" in row]
-        shown = "docs/" in row  # a page of its own has them
-        assert shown or all(commit in row for commit in commits(result)), result.path
+def test_figures_of_a_page_come_from_the_results(tmp_path: Path) -> None:
+    template = tmp_path / "page.md.in"
+    template.write_text(
+        "{accuracy[summary][runs]} of {battery.count}: {real cars[summary][0.5][c_f][share]:.0%}"
+    )
+    folder = ROOT / "benchmarks" / "results"
+    runs = json.loads((folder / "accuracy.json").read_text())["summary"]["runs"]
+    share = json.loads((folder / "real_cars.json").read_text())["summary"]["0.5"]["c_f"]["share"]
+    packed = (folder / "battery" / "test" / "runs.jsonl.gz").read_bytes()
+    cases = len(gzip.decompress(packed).splitlines())
+    assert page(template) == f"{runs} of {cases}: {100.0 * share:.0f} %"
 
 
 def test_what_a_benchmark_depends_on_is_found() -> None:
@@ -82,7 +90,7 @@ def test_a_renewal_that_is_stopped_goes_on_where_it_was(
     result = Result(str(old), 1, ("benchmarks.provenance --of {data}",))
     monkeypatch.setattr(freshness, "RESULTS", {"one": result})
     monkeypatch.setattr(freshness, "UNFINISHED", tmp_path / "unfinished.txt")
-    monkeypatch.setattr(freshness, "PAGE", tmp_path / "page.md")
+    monkeypatch.setattr(freshness, "PAGES", {})
     monkeypatch.setattr("sys.argv", ["freshness", "--renew", "--data", "/elsewhere"])
     seen: list[tuple[list[str], bool]] = []
 
