@@ -3,8 +3,9 @@
 A result names the commit that it was computed with.  It is of the present code if none of the files
 that its benchmark imports, directly or not, has changed since.  ``python -m benchmarks.freshness``
 writes two pages from the results, ``docs/evidence.md``, which says so for each, and
-``benchmarks/README.md``; with ``--renew`` it first runs the benchmarks whose results are older,
-one after the other, shortest first.  All that take long resume where they
+``benchmarks/README.md``, and the passages of other pages that begin with a comment
+``figures of NAME``; with ``--renew`` it first runs the benchmarks whose results are older, one
+after the other, shortest first.  All that take long resume where they
 were stopped, and so does this: ``benchmarks/unfinished.txt`` names what was begun.
 """
 
@@ -20,12 +21,22 @@ import shutil
 import subprocess
 import sys
 import tempfile
-from collections.abc import Iterator
+from collections.abc import Iterator, Mapping
 from functools import cache
 from pathlib import Path
 from typing import Any, NamedTuple
 
-__all__ = ["PAGES", "RESULTS", "Result", "commits", "page", "renew", "sources", "status"]
+__all__ = [
+    "PAGES",
+    "RESULTS",
+    "Result",
+    "commits",
+    "page",
+    "passages",
+    "renew",
+    "sources",
+    "status",
+]
 
 ROOT = Path(__file__).parents[1]
 PAGES = {
@@ -33,6 +44,12 @@ PAGES = {
     ROOT / "benchmarks" / "README.md": Path(__file__).parent / "table.md.in",
 }
 """Pages that are written from the results, and their templates."""
+PASSAGE = re.compile(
+    r"(?P<head><!-- figures of (?P<name>[^\n]+)\n(?P<template>.+?)-->\n)"
+    r".*?(?P<end><!-- end figures -->)",
+    re.DOTALL,
+)
+"""A passage of a page: a comment with its template, and what was written from it."""
 UNFINISHED = Path(__file__).parent / "unfinished.txt"
 DATA = ROOT.parent / "shared" / "data"
 
@@ -276,8 +293,28 @@ def _start(words: str) -> str:
 def page(template: Path) -> str:
     """Return a page of all results, from its template and what the results say."""
     names = {name: Published(result) for name, result in RESULTS.items()}
+    return _filled(template.read_text("utf-8"), names)
+
+
+def passages(text: str) -> str:
+    """Return the text of a page with its passages written anew.
+
+    In the template of a passage ``{status}`` is that of its result, ``{a[b]}`` what its document
+    has there.
+    """
+
+    def written(found: re.Match[str]) -> str:
+        result = RESULTS[found["name"]]
+        document = json.loads(result.where.read_text("utf-8"))
+        filled = _filled(found["template"], {"status": status(result), **document})
+        return f"{found['head']}{filled}{found['end']}"
+
+    return PASSAGE.sub(written, text)
+
+
+def _filled(template: str, names: Mapping[str, Any]) -> str:
     # A space belongs between a number and a per cent sign, and Python sets none.
-    return re.sub(r"(?<=\d)%", " %", template.read_text("utf-8").format_map(names))
+    return re.sub(r"(?<=\d)%", " %", template.format_map(names))
 
 
 def renew(result: Result, data: Path) -> None:
@@ -331,6 +368,8 @@ def main() -> None:
         _set_unfinished([other for other in _unfinished() if other != name])
     for where, template in PAGES.items():
         where.write_text(page(template), "utf-8")
+    for where in sorted((ROOT / "docs").glob("*.md")):
+        where.write_text(passages(where.read_text("utf-8")), "utf-8")
 
 
 if __name__ == "__main__":

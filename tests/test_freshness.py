@@ -8,7 +8,7 @@ from pathlib import Path
 import pytest
 
 from benchmarks import freshness
-from benchmarks.freshness import RESULTS, Result, commits, page, sources, status
+from benchmarks.freshness import RESULTS, Result, commits, page, passages, sources, status
 
 ROOT = Path(__file__).parents[1]
 # A shallow clone, or a copy of the files alone, cannot tell what has changed since.
@@ -35,6 +35,23 @@ def test_every_result_is_on_the_page() -> None:
 def test_the_pages_are_those_of_the_results_and_the_code(where: Path) -> None:
     found = page(freshness.PAGES[where])
     assert where.read_text("utf-8") == found, "run python -m benchmarks.freshness"
+
+
+@needs_history
+@pytest.mark.parametrize("where", sorted((ROOT / "docs").glob("*.md")), ids=lambda path: path.name)
+def test_passages_are_those_of_the_results(where: Path) -> None:
+    text = where.read_text("utf-8")
+    assert text == passages(text), "run python -m benchmarks.freshness"
+    assert text.count("<!-- figures of ") == len(freshness.PASSAGE.findall(text))
+
+
+def test_a_passage_is_written_anew_from_its_comment() -> None:
+    template = "<!-- figures of law forms\nIn {runs} laws ({status}).\n-->\n"
+    runs = json.loads((ROOT / "benchmarks" / "results" / "law_forms.json").read_text())["runs"]
+    said = status(RESULTS["law forms"])
+    new = f"Before.\n\n{template}In {runs} laws ({said}).\n<!-- end figures -->\nAfter.\n"
+    old = f"Before.\n\n{template}In 0 laws.\n<!-- end figures -->\nAfter.\n"
+    assert passages(old) == passages(new) == new
 
 
 def test_figures_of_a_page_come_from_the_results(tmp_path: Path) -> None:
@@ -91,6 +108,7 @@ def test_a_renewal_that_is_stopped_goes_on_where_it_was(
     monkeypatch.setattr(freshness, "RESULTS", {"one": result})
     monkeypatch.setattr(freshness, "UNFINISHED", tmp_path / "unfinished.txt")
     monkeypatch.setattr(freshness, "PAGES", {})
+    monkeypatch.setattr(freshness, "passages", str)
     monkeypatch.setattr("sys.argv", ["freshness", "--renew", "--data", "/elsewhere"])
     seen: list[tuple[list[str], bool]] = []
 
