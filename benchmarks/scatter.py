@@ -152,6 +152,20 @@ def summed(rows: list[dict[str, Any]]) -> list[dict[str, Any]]:
     return table
 
 
+def shown(table: list[dict[str, Any]]) -> str:
+    """Return the errors as rows of a table in Markdown, a row each condition and rate."""
+    rows = {(one["condition"], one["rate"]): list[str]() for one in table}
+    for one in table:  # in the order of WAYS
+        rows[one["condition"], one["rate"]] += [
+            f"{one[n]['mean_percent']:+.1f} ± {one[n]['sd_percent']:.1f}" if n in one else "–"
+            for n in ANSWERS
+        ]
+    return "\n".join(
+        f"| {' | '.join([condition, f'{rate:.0f} Hz', *cells])} |".replace("-", "\N{MINUS SIGN}")
+        for (condition, rate), cells in rows.items()
+    )
+
+
 def main() -> int:
     """Run the bench and write its results; return the exit status."""
     parser = argparse.ArgumentParser(description=__doc__.splitlines()[0] if __doc__ else "")
@@ -168,7 +182,8 @@ def main() -> int:
     about = {"commit": commit, "version": __version__, "seed": given.seed, "runs": given.runs}
     table = summed(rows)
     RESULTS.parent.mkdir(exist_ok=True)
-    RESULTS.write_text(json.dumps({"about": about, "summary": table, "rows": rows}, indent=1))
+    document = {"about": about, "summary": table, "table": shown(table), "rows": rows}
+    RESULTS.write_text(json.dumps(document, indent=1))
     print(json.dumps(table, indent=1))
     return 0
 
