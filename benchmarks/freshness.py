@@ -175,13 +175,15 @@ def sources(module: str) -> frozenset[str]:
 
     An import within a function counts, and so does a name that a package fetches when it is asked
     for: whoever imports ``bayes_asv`` itself may use all of ``bayes_asv.library``, and whoever
-    names it, as the words of a command do, all commands.
+    names it, as the words of a command do, all commands.  Modules of benchmarks that are
+    named ``page`` write what a result looks like and compute nothing of it; they do not count.
     """
     found: set[str] = set()
     left = [module]
     while left:
         path = _path_of(left.pop())
-        if path is not None and path not in found:
+        page = path is not None and re.fullmatch(r"benchmarks/(\w+/)?(\w+_)?page\.py", path)
+        if path is not None and path not in found and not page:
             found.add(path)
             left += _imports(path)
     return frozenset(found)

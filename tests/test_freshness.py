@@ -71,6 +71,9 @@ def test_what_a_benchmark_depends_on_is_found() -> None:
     found = sources("benchmarks.accuracy")  # which runs the command
     assert {"bayes_asv/cli/estimate_command.py", "bayes_asv/filters/kalman.py"} <= found
     assert "tests/rig/terrain.py" in found
+    found = sources("benchmarks.blind")
+    assert "benchmarks/blind/cases.py" in found
+    assert "benchmarks/blind/page.py" not in found  # it only shows what was found
     assert "bayes_asv/filters/kalman.py" in sources("benchmarks.compare")
     assert not any(
         path.startswith("bayes_asv/live") for path in sources("benchmarks.resampled_exports")

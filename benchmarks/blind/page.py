@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import math
 from collections.abc import Callable, Mapping, Sequence
 from pathlib import Path
 from typing import NamedTuple
@@ -20,6 +21,8 @@ from tests.battery.truth import from_dict
 
 __all__ = ["write_page"]
 
+ABOVE = 1.1
+"""A held-out error that exceeds its floor by this factor can be said to close."""
 INTRODUCTION = Path(__file__).parent / "page.md.in"
 
 
@@ -71,6 +74,7 @@ def _summary(cases: Sequence[Judged]) -> str:
                [c.flagged for c in outside]),
         _most("outside the list: confidently misnamed", 0.02,
               [c.confidently_wrong for c in outside]),
+        _closed(outside),
         _least("intervals of effects' parameters that hold", 0.9,
                [held for c in cases for _, _, held in c.effects_covered]),
     ]  # fmt: skip
@@ -99,6 +103,20 @@ def _summary(cases: Sequence[Judged]) -> str:
         if there:
             rows.append([f"verdict {verdict}", "", str(len(there)), str(len(cases))])
     return table(["figure", "asked", "found", "cases"], rows)
+
+
+def _closed(outside: Sequence[Judged]) -> Figure:
+    """Share of the squared held-out error above the floor that goes, where there is any."""
+    shares = [
+        one.gap.closed
+        for one in outside
+        if one.gap is not None and one.gap.before > ABOVE * one.gap.floor
+    ]
+    median = float(np.median(shares)) if shares else math.nan
+    return Figure(
+        "outside the list: share of the squared held-out error above the floor that goes, median",
+        "at least 80 %", f"{100.0 * median:.0f} %", len(shares), 0.8 - median,
+    )  # fmt: skip
 
 
 def _figure(
