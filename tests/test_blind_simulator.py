@@ -2,13 +2,16 @@
 
 from __future__ import annotations
 
+import multiprocessing
 import tomllib
 import zlib
+from concurrent.futures import ProcessPoolExecutor
 from functools import cache
 
 import numpy as np
 import pytest
 
+from benchmarks.blind.__main__ import diagnosed
 from benchmarks.blind.simulator import CELLS, make
 from benchmarks.blind.simulator.cars import FAMILIES, GRAVITY, Car, draw_car
 from benchmarks.blind.simulator.cases import SEED, _draw_faults
@@ -261,3 +264,10 @@ def test_cells_are_complete() -> None:
     assert isinstance(
         LinearSystem(-np.eye(1), np.eye(1), np.eye(1), np.zeros((1, 1))), LinearSystem
     )
+
+
+def test_another_process_finds_the_work() -> None:
+    """What the command itself defines, a new process cannot import."""
+    spawn = multiprocessing.get_context("spawn")
+    with ProcessPoolExecutor(1, mp_context=spawn) as pool:
+        assert pool.submit(getattr, diagnosed, "__module__").result() == "benchmarks.blind.run"

@@ -3,28 +3,22 @@
 from __future__ import annotations
 
 import argparse
-import json
 import signal
 import sys
-import tempfile
-import time
-import zlib
 from dataclasses import asdict
 from functools import partial
 from pathlib import Path
 
-from bayes_asv.diagnosis.workflow import diagnose
 from bayes_asv.domain.errors import InputError
 from bayes_asv.library.progress import progress_bar
-from bayes_asv.report.documents.diagnose import diagnose_document
 from benchmarks.battery.json_lines import append
 from benchmarks.battery.parallel import run_parallel
-from benchmarks.battery.run import LOOSE, Result, kept, load
-from benchmarks.blind.cases import case, in_turn
+from benchmarks.battery.run import LOOSE, Result, load
+from benchmarks.blind.cases import in_turn
 from benchmarks.blind.page import write_page
+from benchmarks.blind.run import diagnosed
 from benchmarks.blind.simulator.cases import CELLS, SEED
 from benchmarks.calibration.bench import ROOT, about
-from benchmarks.calibration.store import About
 
 __all__ = ["RESULTS", "main"]
 
@@ -62,7 +56,7 @@ def main(arguments: list[str] | None = None) -> int:
                 if progress is not None:
                     progress(done / len(wanted), f"{result.name}: {done} of {len(wanted)} cases")
 
-            run_parallel(partial(_diagnosed, told), wanted, given.processes, keep)
+            run_parallel(partial(diagnosed, told), wanted, given.processes, keep)
     except InputError as exc:
         print(exc, file=sys.stderr)
         return 2
@@ -70,22 +64,6 @@ def main(arguments: list[str] | None = None) -> int:
         print("stopped; the same command resumes", file=sys.stderr)
         return 130
     return 0
-
-
-def _diagnosed(told: About, key: tuple[str, int]) -> Result:
-    """Diagnose one case; an exception is a result as well."""
-    begun = time.strftime("%Y-%m-%dT%H:%M:%SZ", time.gmtime())
-    with tempfile.TemporaryDirectory() as folder:
-        recordings, holdout, vehicle, truth = case(*key, Path(folder))
-        start = time.perf_counter()
-        try:
-            seed = zlib.crc32(json.dumps(key).encode())
-            found = diagnose(recordings, holdout, vehicle, seed)
-            document = kept(diagnose_document(found).to_dict())
-        except Exception as exc:  # any exception counts as a result
-            document = {"verdict": "error", "reasons": [f"{type(exc).__name__}: {exc}"[:300]]}
-    seconds = round(time.perf_counter() - start, 2)
-    return Result(*key, "", begun, seconds, {**document, "truth": asdict(truth)}, told)
 
 
 if __name__ == "__main__":
