@@ -11,7 +11,7 @@ from functools import cache
 import numpy as np
 import pytest
 
-from benchmarks.blind.__main__ import diagnosed
+from benchmarks.blind import __main__ as command
 from benchmarks.blind.simulator import CELLS, make
 from benchmarks.blind.simulator.cars import FAMILIES, GRAVITY, Car, draw_car
 from benchmarks.blind.simulator.cases import SEED, _draw_faults
@@ -270,4 +270,7 @@ def test_another_process_finds_the_work() -> None:
     """What the command itself defines, a new process cannot import."""
     spawn = multiprocessing.get_context("spawn")
     with ProcessPoolExecutor(1, mp_context=spawn) as pool:
-        assert pool.submit(getattr, diagnosed, "__module__").result() == "benchmarks.blind.run"
+        assert (
+            pool.submit(getattr, vars(command)["diagnosed"], "__module__").result()
+            == "benchmarks.blind.run"
+        )
