@@ -22,9 +22,11 @@ import subprocess
 import sys
 import tempfile
 from collections.abc import Iterator, Mapping
-from functools import cache
+from functools import cache, cached_property
 from pathlib import Path
 from typing import Any, NamedTuple
+
+from bayes_asv.domain.files import write_atomically
 
 __all__ = [
     "PAGES",
@@ -182,8 +184,9 @@ def sources(module: str) -> frozenset[str]:
     left = [module]
     while left:
         path = _path_of(left.pop())
-        page = path is not None and re.fullmatch(r"benchmarks/(\w+/)?(\w+_)?page\.py", path)
-        if path is not None and path not in found and not page:
+        if path is None or re.fullmatch(r"benchmarks/(\w+/)?(\w+_)?page\.py", path):
+            continue
+        if path not in found:
             found.add(path)
             left += _imports(path)
     return frozenset(found)
@@ -265,16 +268,24 @@ class Published:
         return status(self._result)
 
     def __getitem__(self, key: str) -> Any:
-        return json.loads(self._result.where.read_text("utf-8"))[key]
+        return self.document[key]
+
+    @cached_property
+    def document(self) -> dict[str, Any]:
+        """What its file has."""
+        document: dict[str, Any] = json.loads(self._result.where.read_text("utf-8"))
+        return document
 
     @property
     def how(self) -> str:
         """Commands and minutes."""
-        words = [f"`{_start(words)}`".format(data="DATA", scratch="DIR")
-                 for words in self._result.commands]  # fmt: skip
+        words = [
+            f"`{'' if words.startswith('make ') else 'python -m '}{words}`"
+            for words in self._result.commands
+        ]
         minutes = self._result.minutes
         span = f"{minutes} minute{'s' * (minutes > 1)} of one processor"
-        return f"{', then '.join(words)} ({span})"
+        return f"{', then '.join(words)} ({span})".format(data="DATA", scratch="DIR")
 
     @property
     def location(self) -> str:
@@ -285,11 +296,7 @@ class Published:
     def count(self) -> int:
         """Cases in a folder of results, a line each of the file of its runs."""
         runs = (path for path in self._result.files if path.name.startswith("runs"))
-        return sum(len(gzip.open(path).readlines()) for path in runs)
-
-
-def _start(words: str) -> str:
-    return words if words.startswith("make ") else f"python -m {words}"
+        return sum(len(gzip.decompress(path.read_bytes()).splitlines()) for path in runs)
 
 
 def page(template: Path) -> str:
@@ -306,9 +313,8 @@ def passages(text: str) -> str:
     """
 
     def written(found: re.Match[str]) -> str:
-        result = RESULTS[found["name"]]
-        document = json.loads(result.where.read_text("utf-8"))
-        filled = _filled(found["template"], {"status": status(result), **document})
+        result = Published(RESULTS[found["name"]])
+        filled = _filled(found["template"], {"status": result, **result.document})
         return f"{found['head']}{filled}{found['end']}"
 
     return PASSAGE.sub(written, text)
@@ -368,10 +374,11 @@ def main() -> None:
             _set_unfinished([*_unfinished(), name])
         renew(result, options.data)
         _set_unfinished([other for other in _unfinished() if other != name])
-    for where, template in PAGES.items():
-        where.write_text(page(template), "utf-8")
+    written = {where: page(template) for where, template in PAGES.items()}
     for where in sorted((ROOT / "docs").glob("*.md")):
-        where.write_text(passages(where.read_text("utf-8")), "utf-8")
+        written.setdefault(where, passages(where.read_text("utf-8")))
+    for where, text in written.items():
+        write_atomically(str(where), text.encode("utf-8"))
 
 
 if __name__ == "__main__":
