@@ -317,7 +317,7 @@ def _forms(effect: Effect) -> str:
         return ""
     return (
         f"Other formulas of this shape change {' and '.join(spread)} (one standard deviation), "
-        "which the reported interval includes.\n\n"
+        "which the reported interval includes ([benchmarks](benchmarks.md), law forms).\n\n"
     )
 
 

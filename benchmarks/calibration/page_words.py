@@ -73,13 +73,10 @@ the package.
 
 HOW: Final = """## Computation
 
-`bayes-asv estimate` samples with four ensembles in a few seconds. The benchmark uses importance
-sampling from a Student t distribution at the same mode instead: 512 points of a Sobol sequence,
-four and sixteen times as many where the effective number is below 200, and the ensembles where
-that does not suffice either. Directions that the data do not inform (the mass) are integrated
-analytically. On 24 fits compared with 16 384 draws each, the standard error of a posterior
-probability p was at most 0.7 √(p (1 − p) / effective number), which lowers a coverage of 95 % by
-less than 0.2 %.
+Like `bayes-asv estimate`, the benchmark weights draws from a Student t distribution at the mode,
+but fewer of them: 512 points of a Sobol sequence, four and sixteen times as many where the
+effective number is below 200, and the ensembles where that does not suffice either. Directions
+that the data do not inform (the mass) are integrated analytically.
 """
 
 LIMITS: Final = """- The rig is a simulator, and its suspension is linear here, like the model.
