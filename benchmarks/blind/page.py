@@ -53,6 +53,8 @@ def write_page(folder: Path, docs: Path) -> None:
 def _origin(results: Mapping[tuple[str, int], Result]) -> str:
     about = dict.fromkeys(result.about for result in results.values())
     lines = [f"- commit {one.commit}, seed {one.seed}, {one.versions}" for one in about]
+    begun = sorted(result.begun for result in results.values())
+    lines.append(f"- diagnosed from {begun[0]} to {begun[-1]}")
     missing = sum(CELLS.values()) - len(results)
     lines.append(f"- {len(results)} cases" + (f"; {missing} were not run" if missing else ""))
     return "\n".join(lines) + "\n"
