@@ -11,7 +11,8 @@ filter, δ + δ̇/λ and δ̇ + δ̈/λ, and is then filtered itself::
 filter is declared λ is above what the samples can show.  Forces enter a step as the parabola
 through its ends and the beginning of the step before (exponential integrator of Adams' kind;
 Hochbruck & Ostermann 2010, Acta Numerica 19, section 2.3), the second end from a predictor;
-straight lines would miss (ω h)²/12 of them, a twentieth at 50 Hz of 400.  The covariance follows
+straight lines would miss (ω h)²/12 of them, a twentieth at 50 Hz of 400, as they do after a step
+of less than half the length.  The covariance follows
 the slopes at both ends, in a straight line, since the bend owes as much to the step before as to
 this one: an extended Kalman filter, exact for a linear car.
 
@@ -115,9 +116,11 @@ def force_weights(
 def bend_weights(h: float, before: float) -> tuple[float, float]:
     """Weights of the differences after and before an instant in h² times the second derivative.
 
-    The step that ends there is ``before`` long, the next one h; both are zero where there was none.
+    The step that ends there is ``before`` long, the next one h.  Both weights are zero, for a
+    straight line, where there was no step or one of less than half of h: a reading between the two
+    steps moves the force, which a parabola would take for a bend, 2 (h/before)² times too large.
     """
-    if before <= 0.0:
+    if before < 0.5 * h:
         return 0.0, 0.0
     return 2.0 * h / (h + before), 2.0 * h * h / (before * (h + before))
 
