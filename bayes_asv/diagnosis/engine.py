@@ -4,8 +4,10 @@ The speed of an engine wanders and its phase is unknown, so a simulation cannot 
 another drive.  Its tones are removed from measurement and simulation alike.
 
 In the band of a tone, the body's accelerations minus a simulation from the wheels are a force times
-the car's response, plus noise.  The force is assumed to act at the front axle, at the rear, or
-equally at both, whichever explains most.  The noise is estimated in the bands on either side.
+the car's response, plus noise.  Where the engine sits is unknown: forces at all axles are estimated
+together, by generalised least squares, and their sum is reported.  With fewer accelerometers on the
+body than axles, the force is assumed to be the same at all of them.  The noise is estimated in the
+bands on either side.
 Deflections and angular rates hardly respond at these frequencies: without a measured acceleration,
 no engine is searched for.
 """
@@ -302,18 +304,10 @@ def estimate_engine_force(
         Tibshirani 1993, *An Introduction to the Bootstrap*, ch. 11).  That of the frequency is for
         its mean; the speed itself may wander.
     """
-    bands = list(_tone_bands(dataset, model, tones))
-    axles = model.space.car.axles
-    responses = [
-        [_response(model, one.run, tones[0].frequency, place) for one in bands]
-        for place in ((*axles, BOTH) if len(axles) > 1 else axles)
+    blocks = [
+        _block_sums(one, _responses(model, one.run, tones[0].frequency))
+        for one in _tone_bands(dataset, model, tones)
     ]
-    explained = [
-        sum(_explained_energy(one, h) for one, h in zip(bands, of_place, strict=True))
-        for of_place in responses
-    ]
-    best = responses[int(np.argmax(explained))]
-    blocks = [_block_sums(one, h) for one, h in zip(bands, best, strict=True)]
     return _jackknife(np.concatenate(blocks), tones[0])
 
 
@@ -360,36 +354,35 @@ def _analytic_signal(signal: Array, tone: Notch, rate: float) -> Complex:
     return np.asarray(hilbert(sosfiltfilt(band_pass_filter(tone, rate), signal, axis=0), axis=0))
 
 
-def _response(model: FittedModel, run: int, frequency: float, place: str) -> Complex:
-    """Response (n,) of the acceleration readings to a unit force, with given wheel motion."""
-    recording = model.space.recordings[run]
+def _responses(model: FittedModel, run: int, frequency: float) -> Complex:
+    """Responses (n, axles) of the acceleration readings to unit forces, with given wheel motion."""
+    recording, car = model.space.recordings[run], model.space.car
     accelerations = list(recording.accelerations)
     system = model.space.state_space(model.mode.z[None], run)
     by_forces = (
         frequency_response(system._replace(B=system.E), np.array([frequency]))[0] + system.G[0]
     )
-    response = (by_forces @ model.space.car.shares(place))[accelerations]
+    places = car.axles if len(accelerations) >= len(car.axles) else (BOTH,)
+    shares = np.stack([car.shares(place) for place in places], axis=1)
+    response = (by_forces @ shares)[accelerations]
     poles = recording.poles[list(recording.outputs)][accelerations]
     s = 2j * math.pi * frequency
-    return np.asarray(response / (1.0 + s / np.where(poles > 0.0, poles, np.inf)))
+    return np.asarray(response / (1.0 + s / np.where(poles > 0.0, poles, np.inf))[:, None])
 
 
-def _weights(one: _ToneBand, h: Complex) -> tuple[Complex, float]:
-    """Weights (n,) of the channels in the minimum-variance force, and its variance (N²)."""
-    weighted = np.linalg.solve(one.noise, h).conj()
-    information = float((weighted @ h).real)
-    return np.asarray(weighted / information), 1.0 / information
+def _net_force_weights(one: _ToneBand, h: Complex) -> tuple[Complex, float]:
+    """Weights (n,) of the channels in the sum of the forces, and its variance (N²).
 
-
-def _explained_energy(one: _ToneBand, h: Complex) -> float:
-    """Energy of a run that a force with the given response explains, in units of the noise."""
-    weights, variance = _weights(one, h)
-    return float(np.sum(np.abs(one.signal @ weights) ** 2) / variance)
+    It is the sum of the generalised least-squares estimates of all forces.
+    """
+    weighted = np.linalg.solve(one.noise, h).conj().T
+    inverse = np.linalg.inv(weighted @ h)
+    return np.asarray((inverse @ weighted).sum(axis=0)), float(inverse.sum().real)
 
 
 def _block_sums(one: _ToneBand, h: Complex) -> Array:
     """Sum time (s), power beyond noise (N² s), weight and weighted Hz over half seconds (B, 4)."""
-    weights, variance = _weights(one, h)
+    weights, variance = _net_force_weights(one, h)
     force = one.signal @ weights
     count = max(int(len(force) / (_BLOCK * one.rate)), 1)
     out = []

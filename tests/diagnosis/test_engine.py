@@ -163,3 +163,26 @@ def test_other_tones_of_an_engine_are_not_taken_for_noise() -> None:
     car = HalfCar(*model.space.cars(model.mode.z[None])[0])
     sensor_filter = np.hypot(1.0, 40.0 / 50.0)
     assert known == pytest.approx(force * sensor_filter * car.m, rel=0.35)
+
+
+@pytest.mark.parametrize(("front", "rear"), [(0.5, 0.1), (0.1, 0.5), (0.5, -0.1)])
+def test_the_net_force_of_an_engine_does_not_depend_on_where_it_sits(
+    front: float, rear: float
+) -> None:
+    """Mass times the acceleration of the centre of gravity, wherever the line of force passes."""
+    one = case("null", 93)
+    runs = []
+    for run in one.recordings:
+        values = run.values.copy()
+        wave = np.sin(2.0 * np.pi * 30.0 * run.time)
+        values[1] += front * wave
+        values[3] += rear * wave
+        runs.append(replace(run, values=values))
+    dataset = prepared(runs, one.vehicle)
+    model = fit_linear_car(dataset)
+    amplitude = estimate_engine_force(dataset, model, [notch_of(30.0)])[1]
+    car = HalfCar(*model.space.cars(model.mode.z[None])[0])
+    sensor_filter = np.hypot(1.0, 30.0 / 50.0)
+    expected = car.m * (car.wdf * front + (1.0 - car.wdf) * rear) * sensor_filter
+    assert amplitude.value == pytest.approx(expected, rel=0.1)
+    assert amplitude.low < expected < amplitude.high
