@@ -76,7 +76,7 @@ def _unequal_sides(rng: np.random.Generator, at: Motion) -> Form:
 
 
 def _flattening(rng: np.random.Generator, at: Motion) -> Form:
-    """Draw a hyperbolic tangent, an arc tangent, a square root, or an exponential."""
+    """Draw a hyperbolic tangent, an arc tangent, a square root, or an exponential, and a slope."""
     knee = float(np.std(at.rate)) * _uniform_log(rng, 0.5, 3.0)
     x = at.rate / knee
     bent = [
@@ -85,7 +85,8 @@ def _flattening(rng: np.random.Generator, at: Motion) -> Form:
         x / np.sqrt(1.0 + x**2),
         np.sign(x) * -np.expm1(-np.abs(x)),
     ][rng.integers(4)]
-    return Form(-_C * knee * bent, {"knee": knee})
+    lost = rng.uniform(0.3, 1.0)
+    return Form(-_C * ((1.0 - lost) * at.rate + lost * knee * bent), {"knee": knee})
 
 
 def _friction(rng: np.random.Generator, at: Motion) -> Form:

@@ -56,7 +56,7 @@ _SPRING = {  # a second spring of the same stiffness from 16 mm of compression o
 _STOP = {"rate": 1.2e5, "gap": 0.03, "onset": 0.004, "power": 1.0}
 EXAMPLES = {
     "bound_rebound": Example("bump", 4.0, {"ratio": 2.5, "rounding": 0.015}, "rate"),
-    "digressive_damper": Example("bump", 5.0, {"knee": 0.25, "sharpness": 2.0}, "rate"),
+    "digressive_damper": Example("bump", 5.0, {"knee": 0.25, "drop": 10.0}, "rate"),
     "damper_curve": Example("bump", 4.0, _STEPS, "rate"),
     "damper_hysteresis": Example("stops", 3.0, {"stiffness": 6e4}, "rate"),
     "coulomb_friction": Example("rough", 3.0, {"force": 150.0, "slip": 0.005}, "rate"),

@@ -22,8 +22,8 @@ PAGE = Path(__file__).parents[1] / "docs" / "effects.md"
 LAWS = {
     "bound_rebound": r"""$F=-k\delta-c\,\dot\delta\Big(1+a\frac{\dot\delta}{\sqrt{\dot\delta^2+b^2}}\Big)$
 with $a=(\text{ratio}-1)/(\text{ratio}+1)$; $c$ is the mean of the two rates.""",
-    "digressive_damper": r"""$F=-k\delta-c\,\dot\delta\,\big(1+|\dot\delta/\text{knee}|^p\big)^{-1/p}$;
-$c$ is the slope at rest.""",
+    "digressive_damper": r"""$F=-k\delta-c\,\dot\delta\,\big(1-s+s/\sqrt{1+(\dot\delta/\text{knee})^2}\big)$ with
+$s=\text{drop}/(1+\text{drop})$; $c$ is the slope at rest, and $c(1-s)$ that far beyond the knee.""",
     "damper_curve": r"""$F=-k\delta-c\int_0^{\dot\delta} g(v)\,\mathrm dv$. The slope $g>0$ is piecewise linear
 between knots at rest, at ±6.25 mm/s and at each $\sqrt2$ times that up to ±0.8 m/s; from knot to knot $\ln g$ takes
 independent steps. $g$ is scaled so that $c$ is the rate of the linear damper that takes the same power where
@@ -46,7 +46,7 @@ extension beyond the gap.""",
     "damper_fade": r"""$F=-k\delta-c\,\dot\delta\,\big(1-\text{loss}\,\frac{1-e^{-bs}}{1-e^{-b}}\big)$ with $s$ the
 elapsed fraction of the run; $c$ is the rate at its start.""",
     "external_force": r"""A force on the chassis at an axle, upward positive, that acts in one run only. It
-rises about `start` and falls `duration` later, each within `rise` and as $3s^2-2s^3$.""",
+rises and falls within `rise` each, as $3s^2-2s^3$.""",
     "spring_rate": r"""$F=-\text{factor}\cdot k\,\delta-c\,\dot\delta$ with $k$ the given rate. The linear
 car varies $k$ within its given standard deviation; the effect is named beyond about three of them.""",
     "weight_distribution": r"""The front weight fraction is $\text{factor}\cdot w$ with $w$ as given. The
@@ -72,8 +72,8 @@ MEANINGS = {
         "rounding": "velocity $b$ that rounds the corner at zero velocity",
     },
     "digressive_damper": {
-        "knee": "velocity at which the curve flattens; the force tends to $c\\cdot$knee",
-        "sharpness": "exponent $p$: sharpness of the knee",
+        "knee": "velocity at which the curve bends",
+        "drop": "slope that is lost far beyond the knee over the one that remains",
     },
     "damper_curve": {
         **{f"{side}_{k}": "step of $\\ln g$ to the next knot"
@@ -107,8 +107,10 @@ MEANINGS = {
         "bend": "$b$: 0 for a linear loss in time, positive if it levels off",
     },
     "external_force": {
-        "force": "amplitude, upward on the chassis", "start": "middle of the rise",
-        "duration": "duration", "rise": "time of the rise and of the fall",
+        "force": "amplitude, upward on the chassis",
+        "start": "time at which half of the amplitude is reached",
+        "duration": "time from there until the force has fallen to half again",
+        "rise": "time of the rise and of the fall",
     },
     "spring_rate": {"factor": f"spring rate {_FACTOR}"},
     "weight_distribution": {"factor": f"front weight fraction {_FACTOR}"},

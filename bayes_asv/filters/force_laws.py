@@ -106,13 +106,10 @@ def _bound_rebound(p: Numbers, rate: Vector, share: Vector) -> Pair:
 
 
 def _digressive(p: Numbers, rate: Vector, share: Vector) -> Pair:
-    """Take p0 = 1/knee, s/m, and p1 = sharpness of the knee."""
-    x = abs(rate * p[0])
-    moving = x - 1e-9
-    bend = power(where_positive(moving, x, 1.0), p[1])
-    factor = power(1.0 + bend, -1.0 / p[1])
-    slope = -factor * bend / ((1.0 + bend) * where_positive(moving, rate, 1.0))
-    return where_positive(moving, factor, 1.0), where_positive(moving, slope, 0.0)
+    """Take p0 = 1/knee, s/m, and p1 = share of the slope at rest that is lost far beyond it."""
+    x = rate * p[0]
+    flat = 1.0 / sqrt(1.0 + x * x)
+    return 1.0 - p[1] * (1.0 - flat), -p[1] * p[0] * x * flat * flat * flat
 
 
 def _fade(p: Numbers, rate: Vector, share: Vector) -> Pair:

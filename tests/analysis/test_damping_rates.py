@@ -21,14 +21,15 @@ def test_rates_are_those_of_the_curve() -> None:
     draws = posterior.space.quantities(z, 0)
     (front,) = damping_rates(posterior, mode, z, draws)
     values = posterior.space.effects(mode)[digressive]
-    c, knee, p = draws["c_f"], values["knee"], values["sharpness"]
+    c, knee, drop = draws["c_f"], values["knee"], values["drop"]
+    lost = drop / (1.0 + drop)
     assert front.element == "front"
     np.testing.assert_allclose(front.at_rest, c, rtol=1e-5)
-    falls = (1.0 + (front.speed / knee) ** p) ** (-1.0 / p)
+    falls = 1.0 - lost * (1.0 - 1.0 / np.hypot(1.0, front.speed / knee))
     np.testing.assert_allclose(front.compression, c * falls, rtol=1e-9)
     np.testing.assert_allclose(front.extension, front.compression)
     driven = posterior.innovations_and_variances(mode, 0)[2][:, 1]
-    force = driven * (1.0 + np.abs(driven / knee) ** p) ** (-1.0 / p)
+    force = driven * (1.0 - lost * (1.0 - 1.0 / np.hypot(1.0, driven / knee)))
     np.testing.assert_allclose(
         front.equal_power, c * np.sum(force * driven) / np.sum(driven**2), rtol=1e-3
     )

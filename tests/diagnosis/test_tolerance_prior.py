@@ -155,11 +155,11 @@ def test_the_number_of_tolerances_is_the_ratio_of_the_forces(value: float, seed:
 
 @given(
     velocity=st.floats(0.1, 0.45),
-    sharpness=st.floats(1.3, 3.6),
+    drop=st.floats(0.2, 50.0),
     knee=st.floats(0.2, 5.0),
 )
 def test_the_tolerance_of_a_damper_is_two_per_cent_of_its_force(
-    velocity: float, sharpness: float, knee: float
+    velocity: float, drop: float, knee: float
 ) -> None:
     """At the largest velocity in use."""
     effect = EFFECTS["digressive_damper"]
@@ -168,7 +168,7 @@ def test_the_tolerance_of_a_damper_is_two_per_cent_of_its_force(
     tolerance = effect.scaled_to_range(
         effect.tolerance_values_for(Scale(1200.0, 16000.0)), 0.02, velocity
     )
-    values = {"knee": knee, "sharpness": sharpness}
+    values = {"knee": knee, "drop": drop}
     lost = [
         float(effect.force(v, 1.0, 1.0, np.array(0.0), np.array(velocity), np.array(0.0)))
         / velocity

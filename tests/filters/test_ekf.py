@@ -26,7 +26,7 @@ from tests.posterior.cases import DECLARED, case, vehicle
 
 CASES = {
     "bound_rebound@front": {"ratio": 3.0, "rounding": 0.02},
-    "digressive_damper@rear": {"knee": 0.2, "sharpness": 2.0},
+    "digressive_damper@rear": {"knee": 0.2, "drop": 6.0},
     "coulomb_friction@front": {"force": 60.0, "slip": 0.02},
     "progressive_spring@rear": {"kappa": 200.0, "curl": 0.15},
     "bump_stop@front": {"gap": 0.02, "rate": 60000.0, "onset": 0.003, "power": 1.3},
@@ -43,7 +43,7 @@ CASES = {
 STIFFNESS = placed_effect("damper_hysteresis@front")
 SERIES = {
     STIFFNESS: {"stiffness": 90000.0},
-    placed_effect("digressive_damper@front"): {"knee": 0.15, "sharpness": 2.0},
+    placed_effect("digressive_damper@front"): {"knee": 0.15, "drop": 6.0},
     placed_effect("coulomb_friction@front"): {"force": 20.0, "slip": 0.02},
 }
 
@@ -138,7 +138,7 @@ def test_a_damper_in_series_with_a_stiffness_lags(posterior: Posterior) -> None:
 def test_a_very_stiff_mount_is_none(posterior: Posterior) -> None:
     """But for what white noise of the wheels does within a step, which it leaves out."""
     z = np.full((1, posterior.space.dimension), 0.1)
-    straight = {placed_effect("digressive_damper@front"): {"knee": 50.0, "sharpness": 2.0}}
+    straight = {placed_effect("digressive_damper@front"): {"knee": 50.0, "drop": 6.0}}
     without = _filtered(posterior, z, straight)
     found = [
         _filtered(posterior, z, {**straight, STIFFNESS: {"stiffness": K}}) for K in (1e5, 1e6, 1e7)

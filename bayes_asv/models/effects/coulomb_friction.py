@@ -28,8 +28,8 @@ EFFECT = Effect(
     acts="suspension",
     allowed_places=(*AXLES, BOTH),
     parameters=(
-        Parameter("force", "N", "positive", 0.0, 0.06, (0.005, 0.03), "load", form_spread=0.055),
-        Parameter("slip", "m/s", "log", 0.01, 0.7, (0.01,), shape=True),
+        Parameter("force", "N", "positive", 0.0, 0.06, (0.005, 0.03), "load", form_spread=0.056),
+        Parameter("slip", "m/s", "log", 0.01, 0.45, (0.01,), shape=True),
     ),
     tolerance_values={"force": 0.0015, "slip": 0.01},
     one_sided=True,

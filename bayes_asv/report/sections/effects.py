@@ -59,7 +59,7 @@ class _Sentence(NamedTuple):
 
 _SENTENCES: Final = {
     "bound_rebound": _Sentence("{} damper", "rebound damping is {ratio} times compression damping"),
-    "digressive_damper": _Sentence("{} damper", "its force flattens above {knee}"),
+    "digressive_damper": _Sentence("{} damper", "its force rises less above {knee}"),
     "damper_curve": _Sentence("{} damper", "its force is not proportional to speed"),
     "damper_hysteresis": _Sentence(
         "{} damper", "its force lags velocity, in series with a stiffness of {stiffness}"

@@ -48,7 +48,8 @@ def _page(t: Vector, p: Vector) -> Vector:
         return s * s * (3.0 - 2.0 * s)
 
     rise = float(np.exp(p[3]))
-    return np.asarray(p[0] * (ramp((t - p[1]) / rise) - ramp((t - p[1] - p[2]) / rise)))
+    x = (t - p[1]) / rise + 0.5  # the page counts from half of the amplitude
+    return np.asarray(p[0] * (ramp(x) - ramp(x - p[2] / rise)))
 
 
 def page_pulse(

@@ -71,9 +71,9 @@ def _bound_rebound(p: Vector, c: float, k: float, r: Record) -> Vector:
 
 
 def _digressive(p: Vector, c: float, k: float, r: Record) -> Vector:
-    knee, sharpness = np.exp(p[0]), np.exp(p[1])
+    knee, drop = np.exp(p[0]), np.exp(p[1])
     speed = np.abs(r.rate / knee) + 1e-12
-    flat = (1.0 + speed**sharpness) ** (-1.0 / sharpness)
+    flat = 1.0 - drop / (1.0 + drop) * (1.0 - 1.0 / np.hypot(1.0, speed))
     return np.asarray(-k * r.delta - c * r.rate * flat)
 
 
@@ -173,7 +173,7 @@ def fitted(
             first = np.concatenate([[0.0, 0.0], start])
             wide = np.full(len(start), 12.0)
             if law is _digressive:
-                wide[1] = 0.6  # sharpness from 1.1 to 3.6, where its prior lies
+                wide[1] = 2.6  # drop from 0.15 to 27, where its prior lies
             low = np.concatenate([[-2.0, -1.0], start - wide])
             high = np.concatenate([[2.0, 1.0], start + wide])
             found = least_squares(misfit, first, bounds=(low, high), x_scale=0.1, max_nfev=60)
