@@ -1,4 +1,8 @@
-"""Validation on held-out recordings: effects that make the simulation worse there are removed."""
+"""Validation: effects that make the simulation of held-out recordings worse are removed.
+
+So are force pulses where something remains beside them.  A pulse acts once, so that held-out
+recordings cannot test it, and with a free time and duration it fits a part of most faults.
+"""
 
 from __future__ import annotations
 
@@ -14,6 +18,7 @@ from bayes_asv.diagnosis.forward_selection import (
 from bayes_asv.diagnosis.misspecification_test import misspecification_tests
 from bayes_asv.diagnosis.model_assessment import (
     AssessedModel,
+    fit_pooled,
     prune,
     remove_effects,
     submodel,
@@ -82,7 +87,7 @@ class ValidatedSelection:
     Parameters
     ----------
     selection : Selection
-        The named effects that did not fail, with their simulation errors.
+        The remaining effects, with their simulation errors.
     errors : dict of str to ErrorChange
         Simulation errors with all of them.
     failed : tuple of str
@@ -143,6 +148,12 @@ def validate(
             errors, named, without_engine = simulation_errors(
                 given, without_tones, assessed, named, engine, seed
             )
+        pulses = [e for e in named if e.placed.run is not None]
+        if pulses and _something_remains(assessed, without_tones.holdout, seed):
+            assessed, named = remove_effects(assessed, named, pulses, seed)
+            errors, named, _ = simulation_errors(
+                given, without_tones, assessed, named, engine, seed
+            )
         return ValidatedSelection(
             _replace_effects(selection, assessed, named), errors, excluded, unlisted
         )
@@ -152,6 +163,12 @@ def validate(
         return first
     continued = select_effects(first.selection, seed, progress, first.failed)
     return attempt(continued, first.failed)
+
+
+def _something_remains(assessed: AssessedModel, holdout: Dataset | None, seed: int) -> bool:
+    """Whether the misspecification tests find something beside the named effects."""
+    pooled, _, evidence = fit_pooled(assessed, holdout)
+    return misspecification_tests(pooled, evidence, seed).detected
 
 
 def _prune(selection: Selection, seed: int) -> Selection:

@@ -1,8 +1,9 @@
 """Misspecification tests: whether something remains that no listed effect explains.
 
 The final model, on all recordings together, is tested against a free force and unlisted faults
-beside the named effects, against autocorrelated innovations, against a variance that grows with the
-slope of a signal, and against excess noise.
+beside the named effects, against autocorrelated innovations, against a misfit of a few readings,
+against a variance that grows with the slope of a signal, against excess noise, and the readings
+against missing bits.
 
 If named effects reproduce another fault together, nothing remains beside them.  Therefore a single
 unlisted fault is also compared with them, as an alternative in their place.
@@ -11,7 +12,7 @@ unlisted fault is also compared with them, as an alternative in their place.
 from __future__ import annotations
 
 import math
-from dataclasses import dataclass, replace
+from dataclasses import dataclass, field, replace
 from typing import NamedTuple
 
 import numpy as np
@@ -19,7 +20,12 @@ from numpy.typing import NDArray
 from scipy.stats import chi2
 
 from bayes_asv.diagnosis.denoised_model import denoised_model
-from bayes_asv.diagnosis.residual_tests import timing_jitter_test, whiteness_test
+from bayes_asv.diagnosis.residual_tests import (
+    Outlier,
+    outlier_test,
+    timing_jitter_test,
+    whiteness_test,
+)
 from bayes_asv.diagnosis.score_test import max_score_p_value, nuisance_projection
 from bayes_asv.diagnosis.thresholds import (
     ALTERNATIVE_MARGIN,
@@ -38,6 +44,7 @@ from bayes_asv.diagnosis.unlisted_faults import free_force_evidence, unlisted_fa
 from bayes_asv.posterior.fisher_scoring import LaplaceApproximation, slopes
 from bayes_asv.posterior.fitted_model import Dataset, FittedModel, fit_model
 from bayes_asv.posterior.likelihood import Posterior, shared_work
+from bayes_asv.preprocessing.quantization import missing_bit
 
 __all__ = ["MisspecificationResult", "best_alternative", "misspecification_tests"]
 
@@ -72,6 +79,10 @@ class MisspecificationResult:
         p-value of the timing-jitter test; small if the variance grows with a signal's slope.
     jitter_channel : str
         The channel on whose slope the variance depends most.
+    missing_bits : tuple of str
+        Channels whose converter never sets, or never clears, one of its bits.
+    outlier : Outlier
+        The readings that fit worst, with their p-value.
     stopped_by : str
         The unlisted explanation that ended the selection of effects; empty without one.
     """
@@ -86,6 +97,8 @@ class MisspecificationResult:
     alternative: float = -math.inf
     p_jitter: float = 1.0
     jitter_channel: str = ""
+    missing_bits: tuple[str, ...] = ()
+    outlier: Outlier = field(default_factory=lambda: Outlier(1.0))
     stopped_by: str = ""
 
     @property
@@ -94,8 +107,9 @@ class MisspecificationResult:
         p = np.array([self.p_whiteness, self.p_unlisted, self.p_jitter])
         # Fisher's combination of p-values: several weak signs may be significant together
         combined = chi2.sf(-2.0 * np.sum(np.log(np.maximum(p, 1e-300))), 2 * len(p))
-        significant = min(float(p.min()), float(combined)) < MISSPECIFICATION_LEVEL
-        other = self.excess_noise or self.failed or self.stopped_by
+        smallest = min(float(p.min()), float(combined), self.outlier.p)
+        significant = smallest < MISSPECIFICATION_LEVEL
+        other = self.excess_noise or self.missing_bits or self.failed or self.stopped_by
         return self.score > DECISIVE_EVIDENCE or significant or bool(other)
 
     @property
@@ -123,9 +137,8 @@ def misspecification_tests(
     projection = projection_with_tolerances(denoised.derivatives, evidence)
     force, axle = free_force_evidence(denoised, projection)
     faults = unlisted_fault_scores(denoised, projection)
-    two_sided = np.zeros(len(faults.descriptions), bool)
     p_unlisted, k = max_score_p_value(
-        faults.gradient, faults.information, faults.raw_information, two_sided, seed
+        faults.gradient, faults.information, faults.raw_information, faults.one_sided, seed
     )
     p_jitter, jitter_channel = timing_jitter_test(dataset, model)
     return MisspecificationResult(
@@ -137,6 +150,8 @@ def misspecification_tests(
         closest_fault=faults.descriptions[k],
         p_jitter=p_jitter,
         jitter_channel=jitter_channel,
+        missing_bits=_missing_bits(dataset),
+        outlier=outlier_test(model),
     )
 
 
@@ -148,6 +163,18 @@ def _excess_noise(dataset: Dataset, model: FittedModel) -> tuple[str, ...]:
         for channel, given in zip(recording.channels, recording.noise, strict=True):
             level = levels.get(f"noise {channel.name} {run}")
             if given and level is not None and float(level[0]) > EXCESS_NOISE * given:
+                out.append(channel.name)
+    return tuple(dict.fromkeys(out))
+
+
+def _missing_bits(dataset: Dataset) -> tuple[str, ...]:
+    """Channels whose converter never uses one of its bits."""
+    out = []
+    for recording in dataset.recordings:
+        for c, channel in enumerate(recording.channels):
+            values = recording.values[c]
+            step = float(recording.quantization_steps[c])
+            if missing_bit(values[np.isfinite(values)], step):
                 out.append(channel.name)
     return tuple(dict.fromkeys(out))
 

@@ -1,9 +1,13 @@
-"""Tests of the innovations: whiteness, and timing jitter (variance that grows with a slope)."""
+"""Tests of the innovations: whiteness, outliers, and timing jitter.
+
+Timing jitter is a variance that grows with the slope of a signal.
+"""
 
 from __future__ import annotations
 
 import math
 from collections.abc import Iterator
+from typing import NamedTuple
 
 import numpy as np
 from numpy.typing import NDArray
@@ -20,13 +24,22 @@ from bayes_asv.preprocessing.prepared_recording import PreparedRecording
 from bayes_asv.preprocessing.quantization import is_slow
 from bayes_asv.preprocessing.tone_removal import Notch, notch_filter
 
-__all__ = ["LAGS", "jitter_log_likelihood_ratio", "timing_jitter_test", "whiteness_test"]
+__all__ = [
+    "LAGS",
+    "Outlier",
+    "jitter_log_likelihood_ratio",
+    "outlier_test",
+    "timing_jitter_test",
+    "whiteness_test",
+]
 
 Array = NDArray[np.float64]
 
 LAGS = 12
 """Number of lags of the portmanteau statistic."""
 
+# Numbers of successive readings of one output whose misfit is added up.
+_OUTLIER_READINGS = (1, 2, 4, 8, 16, 32, 64)
 _MIN_GROUPS = 10 * LAGS  # least number of groups of readings of a tested run
 _REMOVED = 0.9  # share of power that notches pass, below which a frequency counts as removed
 # Bound on a squared slope, in its mean: no single reading may dominate the test.
@@ -64,6 +77,57 @@ def whiteness_test(model: FittedModel) -> tuple[float, float]:
             statistic += n**2 / (n - lag) * float(np.trace(c.T @ inverse @ c @ inverse))
         freedom += nu.shape[1] ** 2 * LAGS
     return statistic - freedom, float(chi2.sf(statistic, freedom)) if freedom else 1.0
+
+
+class Outlier(NamedTuple):
+    """Successive readings of one output that fit worst.
+
+    Parameters
+    ----------
+    p : float
+        p-value of their misfit, corrected for the number of places that were searched.
+    channel : str
+        Output.
+    source : str
+        Recording.
+    time : float
+        Time of the first reading by the recording's clock, s.
+    readings : int
+        Their number.
+    """
+
+    p: float
+    channel: str = ""
+    source: str = ""
+    time: float = 0.0
+    readings: int = 0
+
+
+def outlier_test(model: FittedModel) -> Outlier:
+    """Test for a misfit of some successive readings: a scan of the squared innovations.
+
+    The sum of n squared innovations is χ² distributed with n degrees of freedom.  It is computed
+    for 1, 2, 4 … 64 successive readings of each output from every instant; the smallest p-value is
+    multiplied by the number of sums (Bonferroni), which is conservative, since they overlap (Glaz,
+    Naus & Wallenstein 2001, Scan Statistics, ch. 1).
+    """
+    worst, sums = Outlier(0.0), 0
+    for run, recording in enumerate(model.space.recordings):
+        nu = model.posterior.innovations_and_variances(model.mode.z, run)[0]
+        for y, c in enumerate(recording.outputs):
+            used = np.flatnonzero((recording.kind[:, y] == VALUE) & ~is_slow(recording, c))
+            total = np.concatenate([[0.0], np.cumsum(nu[used, y] ** 2)])
+            for n in _OUTLIER_READINGS:
+                if n > len(used):
+                    break
+                sums += len(used)
+                log_p = chi2.logsf(total[n:] - total[:-n], n)
+                k = int(np.argmin(log_p))
+                if log_p[k] < worst.p:
+                    time = float(recording.instants[used[k]])
+                    channel = recording.channels[c].name
+                    worst = Outlier(float(log_p[k]), channel, recording.source, time, n)
+    return worst._replace(p=min(sums * math.exp(worst.p), 1.0))
 
 
 def _autocovariances(nu: Array, sections: Array) -> Array:

@@ -63,8 +63,8 @@ DECISIVE_EVIDENCE: Final = 5.0
 MISSPECIFICATION_LEVEL: Final = 1e-3
 """p-value below which a misspecification test, or their combination, is significant.
 
-It applies to three tests and their combination: together about four false alarms in a thousand
-diagnoses, few compared with the five in a hundred of the test for a disagreement.
+It applies to four tests and to a combination of three: together about five false alarms in a
+thousand diagnoses, few compared with the five in a hundred of the test for a disagreement.
 """
 
 ALTERNATIVE_MARGIN: Final = -4.0

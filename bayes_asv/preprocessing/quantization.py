@@ -1,4 +1,4 @@
-"""Noise of one sample of a channel, and quantisation errors of signals at rest.
+"""Noise of one sample of a channel, quantisation errors of signals at rest, and missing codes.
 
 While a signal crosses many steps, its quantisation error is white noise of variance step²/12.  At
 rest, a part of the error is constant, up to about (step/π) exp(−2π² (σ/step)²) with noise σ (Widrow
@@ -28,6 +28,7 @@ __all__ = [
     "STILL_WINDOW",
     "is_slow",
     "is_stationary",
+    "missing_bit",
     "noise_level",
     "offset",
     "quiet_level",
@@ -54,6 +55,13 @@ _FEWEST = 200  # least number of readings for an estimate from the top of the sp
 # Ratio of levels below which the top of a spectrum has no sensor noise: such noise falls by 6 dB
 # per octave behind a pole and by 24 dB behind an analogue filter of fourth order, not by 40 dB.
 _EMPTY = 0.01
+_MIN_PERIODS = 3  # least number of periods of a missing bit within the range of a channel
+_MAX_CODES = 2**15  # number of bins in the distribution of readings, at most
+_PADDED = 16  # bins of its spectrum for each bin of the distribution
+# Share of a period that is empty: half of it, as far as the period is known, or three quarters for
+# the bit of second lowest weight; all of it is empty between the converter's own codes.
+_EMPTY_SHARES = (0.45, 0.8)
+_MISSING_CHANCE = 1e-6  # probability by chance below which codes count as missing
 _SLIGHT = 0.05  # increase of the noise variance that is ignored, relative
 
 
@@ -193,6 +201,44 @@ def smallest_step(signal: Array) -> float:
     steps = np.diff(np.unique(signal))
     steps = steps[steps > 1e-9 * np.ptp(signal)] if len(steps) else steps  # beyond rounding
     return float(steps.min()) if len(steps) else 0.0
+
+
+def missing_bit(signal: Array, step: float) -> float:
+    """Weight of a bit that a converter never sets, or never clears; zero without one.
+
+    Readings then fall into every other interval of that width, so that the spectrum of their
+    distribution has a line at a period of two weights.  (Missing codes are a test of IEEE Std 1241,
+    Terminology and Test Methods for Analog-to-Digital Converters.)  A signal that passes from one
+    interval to the next would by chance be read in the empty half between them about every second
+    time; it counts as a fault if the probability of none in all its passages, times the number of
+    periods that were tried, is below one in a million.  The bit of lowest weight is not found:
+    without it, a converter only has coarser steps.
+
+    Parameters
+    ----------
+    signal : (N,) array
+        Finite readings, in any unit.
+    step : float
+        Step of the converter in that unit; zero if it is not known.
+    """
+    span = float(np.ptp(signal)) if len(signal) else 0.0
+    if not span > 0.0:
+        return 0.0
+    bins = min(math.ceil(span / (step or smallest_step(signal))) + 1, _MAX_CODES)
+    counts = np.histogram(signal, bins, (signal.min() - 0.5 * span / bins, signal.max()))[0]
+    line = np.abs(np.fft.rfft(counts, _PADDED * bins))[_MIN_PERIODS * _PADDED :]
+    if not len(line):
+        return 0.0
+    periods = _MIN_PERIODS + int(np.argmax(line)) / _PADDED  # in the whole range
+    place = (signal - signal.min()) / span * periods
+    there = np.sort(place % 1.0)
+    gaps = np.diff(there, append=there[0] + 1.0)
+    if not _EMPTY_SHARES[0] < gaps.max() < _EMPTY_SHARES[1]:
+        return 0.0
+    after_gap = there[(int(np.argmax(gaps)) + 1) % len(there)]
+    passages = int(np.count_nonzero(np.diff(np.floor(place - after_gap + 1e-9))))
+    by_chance = 2.0**-passages * len(line)
+    return 0.5 * span / periods if by_chance < _MISSING_CHANCE else 0.0
 
 
 def quiet_level(a: Array, step: float) -> float:

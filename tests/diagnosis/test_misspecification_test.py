@@ -13,6 +13,7 @@ from bayes_asv.diagnosis.misspecification_test import (
     misspecification_tests,
 )
 from bayes_asv.diagnosis.model_assessment import assess, fit_pooled
+from bayes_asv.diagnosis.residual_tests import Outlier
 from bayes_asv.diagnosis.workflow import DiagnosisResult
 from bayes_asv.posterior.effect_fit import read_effect, with_effects
 from tests.battery.cases import case
@@ -51,6 +52,8 @@ def test_an_alternative_lowers_reliability_less_than_a_detected_fault() -> None:
         replace(NOTHING, p_whiteness=1e-4),
         replace(NOTHING, p_unlisted=1e-4),
         replace(NOTHING, p_jitter=1e-4),
+        replace(NOTHING, outlier=Outlier(1e-4, "front_wheel", "run.csv", 1.0, 4)),
+        replace(NOTHING, missing_bits=("front_wheel",)),
         replace(NOTHING, p_whiteness=0.002, p_unlisted=0.002, p_jitter=0.3),
         replace(NOTHING, excess_noise=("front_wheel",)),
         replace(NOTHING, failed=("spring_rate@rear",)),

@@ -1,6 +1,8 @@
-"""Whiteness and timing jitter: autocovariances with removed bands, and a variance that grows."""
+"""Whiteness, outliers and timing jitter: removed bands, wrong samples, a variance that grows."""
 
 from __future__ import annotations
+
+from dataclasses import replace
 
 import numpy as np
 import pytest
@@ -14,6 +16,7 @@ from bayes_asv.diagnosis.residual_tests import (
     LAGS,
     _autocovariances,
     _min_negative_log_likelihood,
+    outlier_test,
     timing_jitter_test,
 )
 from bayes_asv.preprocessing.tone_removal import notch_filter, notch_of
@@ -65,6 +68,30 @@ def test_timing_jitter_is_detected_in_the_variance(name: str, detected: bool) ->
     p, channel = timing_jitter_test(*fit_linear(prepared(one.recordings, one.vehicle)))
     assert (p < 1e-3) == detected
     assert channel
+
+
+@pytest.mark.parametrize("rows", [1, 40])
+def test_wrong_readings_are_found_at_their_time(rows: int) -> None:
+    """A single sample, or a tenth of a second that a logger filled by a straight line."""
+    one = case("null/bump~baja", 5, 0)
+    channel = one.recordings[0].channels.index("rear_chassis")
+    sound = outlier_test(fit_linear(prepared(one.recordings, one.vehicle))[1])
+    assert sound.p > 0.05
+    run = one.recordings[0]
+    values = run.values.copy()
+    at = int(np.argmax(np.abs(values[channel]))) - rows // 2
+    if rows == 1:
+        values[channel, at] += 10.0 * float(one.vehicle.sensor("rear_chassis").noise or 0.0)
+    else:
+        ends = values[channel, [at, at + rows]]
+        values[channel, at : at + rows] = np.linspace(ends[0], ends[1], rows)
+    wrong = (replace(run, values=values), *one.recordings[1:])
+    outlier = outlier_test(fit_linear(prepared(wrong, one.vehicle))[1])
+    assert outlier.p < 1e-6
+    if rows == 1:  # a longer fault moves the filter's states, and with them both channels
+        assert outlier.channel == "rear_chassis"
+    assert outlier.source.endswith(run.source)
+    assert run.time[at] - 0.1 < outlier.time < run.time[at + rows - 1] + 0.01
 
 
 @given(seed=st.integers(0, 2**32), ratio=st.floats(1.0, 30.0), level=st.floats(0.5, 2.0))

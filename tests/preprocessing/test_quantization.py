@@ -18,6 +18,7 @@ from bayes_asv.preprocessing.prepared_recording import PreparedRecording
 from bayes_asv.preprocessing.quantization import (
     is_slow,
     is_stationary,
+    missing_bit,
     noise_level,
     offset,
     quiet_level,
@@ -157,3 +158,28 @@ def test_motion_below_an_empty_band_is_no_noise() -> None:
     assert quiet_level(motion, 1e-6) > 0.02
     assert level(motion) == pytest.approx(0.005)  # the least that is believed
     assert level(motion + white) == pytest.approx(quiet_level(motion + white, 1e-6), rel=1e-3)
+
+
+@given(
+    bit=st.integers(1, 9),
+    set_always=st.booleans(),
+    seed=st.integers(0, 2**32),
+    unit=st.sampled_from([1.0, 0.0254, 9.80665]),
+)
+def test_a_bit_that_never_changes_is_found_with_its_weight(
+    bit: int, set_always: bool, seed: int, unit: float
+) -> None:
+    rng = np.random.default_rng(seed)
+    time = np.arange(1000) / 400.0
+    signal = 2.0**bit * (12.0 * np.sin(2.0 * np.pi * 2.3 * time) + rng.normal(size=1000))
+    codes = 2**14 + np.round(signal).astype(int)
+    without = codes | 2**bit if set_always else codes & ~(2**bit)
+    step = 0.004 * unit
+    assert missing_bit(without * step, 0.0) == pytest.approx(2**bit * step, rel=0.02)
+    assert missing_bit(codes * step, 0.0) == 0.0
+
+
+@given(signal=st.lists(st.floats(-10.0, 10.0), max_size=40))
+def test_few_readings_have_no_missing_bit(signal: list[float]) -> None:
+    assert missing_bit(np.array(signal), 0.0) >= 0.0
+    assert missing_bit(np.full(100, 1.3), 0.01) == 0.0

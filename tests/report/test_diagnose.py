@@ -72,9 +72,11 @@ def told(verdict: str = "named") -> DiagnoseDocument:
 def test_all_evidence_of_something_unexplained_is_stated() -> None:
     data = saved("unexplained")
     signs = {"score": 12.0, "p_decoy": 1e-4, "rival": -3.0, "p_jitter": 1e-4, "p_memory": 1e-4,
-             "ended": "hysteresis"}  # fmt: skip
+             "ended": "hysteresis", "missing_bits": ["rear_wheel"],
+             "outlier": {"p": 1e-5, "channel": "rear_wheel", "source": "a.csv", "time": 1.25,
+                         "readings": 4}}  # fmt: skip
     silent = {"ended": "", "score": 0.0, "p_decoy": 0.5, "rival": None, "p_jitter": 0.5,
-              "p_memory": 0.5}  # fmt: skip
+              "p_memory": 0.5, "missing_bits": [], "outlier": None}  # fmt: skip
     data["unexplained"].update(silent, like="a seat", jitters="rear_wheel", swollen=[])
 
     def evidence() -> str:
@@ -88,6 +90,9 @@ def test_all_evidence_of_something_unexplained_is_stated() -> None:
     data["unexplained"].update(silent, score=12.0, axle="rear", ended="")
     force = "an unknown force at the rear axle"
     assert f"{force} explains the recordings better by 12 nats" in evidence()
+    data["unexplained"].update(signs, score=0.0)
+    assert "4 readings of rear wheel at 1.25 s in a.csv fit badly" in evidence()
+    data["unexplained"].update(silent, score=12.0, axle="rear")
     # documents of earlier versions
     data["unexplained"]["ended"] = "a force of free course at the rear"
     assert evidence() == f"Evidence: {force} explains the data better than any listed effect."

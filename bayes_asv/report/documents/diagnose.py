@@ -13,6 +13,7 @@ from numpy.typing import NDArray
 from bayes_asv import __version__
 from bayes_asv.diagnosis.engine import Engine
 from bayes_asv.diagnosis.localization import Cell
+from bayes_asv.diagnosis.residual_tests import Outlier
 from bayes_asv.diagnosis.results import UnnamedCause
 from bayes_asv.diagnosis.simulation_error import ErrorChange
 from bayes_asv.diagnosis.workflow import DiagnosisResult, NamedEffect
@@ -222,7 +223,19 @@ def _unexplained(diagnosis: DiagnosisResult) -> schema.Unexplained:
         ended=left.stopped_by,
         p_jitter=left.p_jitter,
         jitters=left.jitter_channel,
+        missing_bits=list(left.missing_bits),
+        outlier=_outlier(left.outlier) if left.outlier.readings else None,
         rival=left.alternative,
+    )
+
+
+def _outlier(outlier: Outlier) -> schema.Outlier:
+    return schema.Outlier(
+        p=outlier.p,
+        channel=outlier.channel,
+        source=Path(outlier.source).name,
+        time=outlier.time,
+        readings=outlier.readings,
     )
 
 

@@ -90,6 +90,20 @@ class NamedEffect(Effect):
     """Frequencies of an engine, Hz."""
 
 
+class Outlier(Model):
+    """Successive readings of a channel that fit worse than any others."""
+
+    p: Share
+    """p-value of their misfit."""
+    channel: Text
+    source: Text
+    """The recording."""
+    time: Finite
+    """Time of the first of them by the recording's clock, s."""
+    readings: Annotated[int, Field(ge=1)]
+    """Their number."""
+
+
 class Unexplained(Model):
     """What is left that no listed effect explains."""
 
@@ -113,6 +127,10 @@ class Unexplained(Model):
     """p-value of the timing-jitter test."""
     jitters: Text = ""
     """The channel of that test."""
+    missing_bits: Annotated[list[Text], Field(max_length=100)] = Field(default_factory=list)
+    """Channels whose converter never sets, or never clears, one of its bits."""
+    outlier: Outlier | None = None
+    """The readings that fit worst."""
     rival: MaybeNumber = None
     """Log likelihood that an unlisted fault gains over the named effects, nats."""
 

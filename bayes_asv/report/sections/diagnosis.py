@@ -212,6 +212,15 @@ def _evidence(unexplained: Unexplained) -> list[str]:
             f"noise is largest where the {channel} signal is steepest, as with jittering time "
             "stamps"
         )
+    if unexplained.missing_bits:
+        names = enumerated([plain(n).replace("_", " ") for n in unexplained.missing_bits])
+        evidence.append(f"the converter of {names} never changes one of its bits")
+    outlier = unexplained.outlier
+    if outlier is not None and _noticed(outlier.p):
+        channel, source = plain(outlier.channel).replace("_", " "), plain(outlier.source)
+        many = f"{outlier.readings} readings" if outlier.readings > 1 else "a reading"
+        fit = "fit" if outlier.readings > 1 else "fits"
+        evidence.append(f"{many} of {channel} at {outlier.time:.2f} s in {source} {fit} badly")
     if _noticed(unexplained.p_memory):
         evidence.append("the innovations are autocorrelated")
     if unexplained.swollen:
