@@ -1,7 +1,8 @@
 """Forward selection: the most probable missing effect is added, until nothing more is missing.
 
 Two models are indistinguishable if one of them, fitted to the noise-free prediction of the other,
-differs by less than noise would hide, or if the data prefer neither.
+differs by less than noise would hide, or by less than the error of its law, or if the data prefer
+neither.
 """
 
 from __future__ import annotations
@@ -63,6 +64,9 @@ __all__ = [
 
 # Difference of log evidence (nats, odds of 20 : 1) below which the data prefer neither model.
 _NO_PREFERENCE = 3.0
+# Error of a law, as a share of what it changes.  A filter of second order differs from a pure delay
+# and from a pole by a fifth to a quarter of what it changes.
+_LAW_ERROR = 0.25
 _MAX_COMPARED = 4  # models that are compared with the best one
 _MAX_REFITTED = 2  # effects that are fitted in place of each named effect
 
@@ -86,17 +90,36 @@ def squared_distance(dataset: Dataset, one: FittedModel, other: FittedModel) -> 
 
 
 def indistinguishable_from_best(
-    dataset: Dataset, extended: list[ExtendedModel]
+    dataset: Dataset, base: FittedModel, extended: list[ExtendedModel]
 ) -> list[ExtendedModel]:
-    """List the models that the data cannot distinguish from the first one, including it."""
-    best = extended[0]
+    """List the models that the data cannot distinguish from the first one, including it.
+
+    The law of an effect is only nearly that of a car.  If the effect changes the predictions by a
+    squared distance D², a law of the same kind may therefore differ from it by a share s of D, and
+    lose s² D²/2 of log evidence.  A force pulse has no law.
+
+    Parameters
+    ----------
+    dataset : Dataset
+        Recordings with denoised inputs.
+    base : FittedModel
+        The model without the effect.
+    extended : list of ExtendedModel
+        Models with one more effect, the most probable first.
+    """
+    best, *others = extended[: 1 + _MAX_COMPARED]
     out = [best]
-    for other in extended[1 : 1 + _MAX_COMPARED]:
+    if not others:
+        return out
+    error = _LAW_ERROR**2 * squared_distance(dataset, best.model, base)
+    for other in others:
         behind = best.evidence.log_evidence - other.evidence.log_evidence
-        if not behind < CLEARLY_WORSE:
+        allowed = 0.0 if best.placed.effect.in_one_run or other.placed.effect.in_one_run else error
+        if not behind < max(CLEARLY_WORSE, 0.5 * allowed):
             continue
         if behind < _NO_PREFERENCE or (
-            squared_distance(dataset, best.model, other.model) < DISTINGUISHABLE_DISTANCE
+            squared_distance(dataset, best.model, other.model)
+            < max(DISTINGUISHABLE_DISTANCE, allowed)
         ):
             out.append(other)
     return out
@@ -130,7 +153,7 @@ def _add_indistinguishable(assessed: AssessedModel, effect: NamedEffect) -> Name
     extended = [ExtendedModel(effect.placed, assessed.model, assessed.evidence)]
     extended += [_fit_in_place(assessed, rest, group) for group in groups[:_MAX_REFITTED]]
     known_effects = {str(other.placed) for other in effect.indistinguishable}
-    others = indistinguishable_from_best(assessed.denoised, extended)[1:]
+    others = indistinguishable_from_best(assessed.denoised, rest, extended)[1:]
     new = [one for one in others if str(one.placed) not in known_effects]
     return replace(effect, indistinguishable=(*effect.indistinguishable, *new))
 
@@ -303,7 +326,9 @@ def select_effects(
             p_tolerances, p_none, p_named = 0.0, updated, 1.0 - updated
         current = replace(current, posteriors=step.posteriors, p_none=p_none)
         progress(share_done + 0.15, "comparing indistinguishable effects")
-        best, *others = members = indistinguishable_from_best(assessed.denoised, step.extended)
+        best, *others = members = indistinguishable_from_best(
+            assessed.denoised, assessed.model, step.extended
+        )
         probability = p_named * float(
             sum(step.probabilities[step.extended.index(one)] for one in members)
         )

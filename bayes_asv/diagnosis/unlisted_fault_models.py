@@ -1,8 +1,9 @@
 """Models of faults that are not in the list: the change of a recording along its motion.
 
-They are a damper in a rubber mount or with play, hysteresis, a damper that depends on travel or on
-the square of its speed, a mass on a spring, a resonant sensor mount, a sensor at another position
-or with a drifting clock.
+They are a damper with play, hysteresis, an inertia between wheel and body, a damper that depends on
+travel or on the square of its speed, a mass on a spring, a resonant sensor mount, a sensor at
+another position or with a drifting clock.  A damper in a soft mount is in the list
+(``damper_hysteresis``); its model serves only where the law of a damper is free.
 """
 
 from __future__ import annotations
@@ -36,6 +37,7 @@ __all__ = [
     "PredictedMotion",
     "UnlistedFault",
     "fault_terms",
+    "lag_terms",
     "predicted_motions",
     "rms_travel",
     "unit_size",
@@ -60,6 +62,7 @@ _SEAT_DAMPING = 0.2  # damping ratio of a seat
 # Resonances f₀ of a sensor mount, Hz.  One above the frequencies f that the car excites still
 # amplifies the reading by f²/f₀².
 _MOUNT_FREQUENCIES = (15.0, 21.0, 30.0, 42.0, 60.0, 85.0, 120.0, 170.0, 240.0)
+_HYSTERESIS, _SOFT_MOUNT = "hysteresis", "a damper in a soft mount"
 _RESONANCE = "a sensor mount that resonates"
 # Standard deviation of the size of a resonance, as a share of the motion of its base: all of it on
 # a bracket, less on a panel.
@@ -110,6 +113,8 @@ class FaultKind:
         Function of recording, motion and form that returns the fault.
     usual : float
         Prior standard deviation of its size; infinite without a limit.
+    one_sided : bool
+        Whether its size is positive: its opposite is in the list.
     """
 
     name: str
@@ -119,6 +124,7 @@ class FaultKind:
     dimensions: tuple[str, str]
     change: Callable[[PreparedRecording, PredictedMotion, Form], UnlistedFault]
     usual: float = math.inf
+    one_sided: bool = False
 
 
 class FaultTerm(NamedTuple):
@@ -273,7 +279,22 @@ def _body_accelerations(
 def fault_terms(dataset: Dataset, travel: Array) -> tuple[FaultTerm, ...]:
     """Return every unlisted fault in every form; ``travel`` (ne,) contains the rms deflections."""
     kinds = _fault_kinds(dataset, dataset.recordings[0].car, travel)
-    return tuple(FaultTerm(kind, form) for kind in kinds for form in kind.forms)
+    return tuple(
+        FaultTerm(kind, form) for kind in kinds if kind.name != _SOFT_MOUNT for form in kind.forms
+    )
+
+
+def lag_terms(dataset: Dataset, travel: Array, elements: Sequence[int]) -> tuple[FaultTerm, ...]:
+    """Return the faults of some elements by which force lags velocity, in every form."""
+    car = dataset.recordings[0].car
+    places = {f"at the {car.elements[e].words}" for e in elements}
+    kinds = _fault_kinds(dataset, car, travel)
+    return tuple(
+        FaultTerm(kind, form)
+        for kind in kinds
+        if kind.name in (_HYSTERESIS, _SOFT_MOUNT) and kind.place in places
+        for form in kind.forms
+    )
 
 
 def _fault_kinds(dataset: Dataset, car: CarModel, travel: Array) -> Iterator[FaultKind]:
@@ -281,7 +302,10 @@ def _fault_kinds(dataset: Dataset, car: CarModel, travel: Array) -> Iterator[Fau
         for name, forms, continuous, law in _force_laws(float(travel[e])):
             change = partial(_element_fault, e, law)
             place = f"at the {element.words}"
-            yield FaultKind(name, place, forms, continuous, ("force", "velocity"), change)
+            dimensions = "force", "velocity"
+            # the opposites are a digressive damper and one in a soft mount
+            one_sided = law in (_damper_by_speed, _inertia)
+            yield FaultKind(name, place, forms, continuous, dimensions, change, one_sided=one_sided)
     for place, shares in _seat_places(car).items():
         change = partial(_seat_fault, shares)
         forms = tuple((f, _SEAT_DAMPING) for f in _SEAT_FREQUENCIES)
@@ -338,9 +362,10 @@ def _seat_places(car: CarModel) -> dict[str, Array]:
 
 def _force_laws(travel: float) -> Iterator[tuple[str, tuple[Form, ...], bool, ForceLaw]]:
     """Yield unlisted force laws of a suspension element, given its rms deflection."""
-    yield "a damper in a soft mount", _each(_MOUNT_TIME_CONSTANTS), True, _soft_mount
+    yield _SOFT_MOUNT, _each(_MOUNT_TIME_CONSTANTS), True, _soft_mount
     yield "a damper with play", _each(share * travel for share in _PLAY), True, _force_with_play
-    yield "hysteresis", _each(share * travel for share in _YIELD_TRAVEL), True, _hysteresis
+    yield "an inertia in the suspension", _each(_MOUNT_TIME_CONSTANTS), True, _inertia
+    yield _HYSTERESIS, _each(share * travel for share in _YIELD_TRAVEL), True, _hysteresis
     yield "a damper that depends on travel", _each((1, 2)), False, _damper_by_travel
     yield "a progressive damper", _each((2, 3)), False, _damper_by_speed
     yield "an asymmetric spring", ((2.0, 1.0), (2.0, 0.0)), False, _spring_by_travel
@@ -382,6 +407,11 @@ def _pass_through(time: Array, signal: Array, system: tuple[list[float], list[fl
 def _soft_mount(form: Form, time: Array, deflection: Array, velocity: Array) -> Array:
     """Deficit of the force of a damper in series with a spring, per damping rate; c/k in s."""
     return velocity - _pass_through(time, velocity, ([1.0], [form[0], 1.0]))
+
+
+def _inertia(form: Form, time: Array, deflection: Array, velocity: Array) -> Array:
+    """Force against the acceleration of deflection below a corner frequency, by its c/k in s."""
+    return -_soft_mount(form, time, deflection, velocity)
 
 
 def _force_with_play(form: Form, time: Array, deflection: Array, velocity: Array) -> Array:

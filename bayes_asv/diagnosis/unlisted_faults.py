@@ -28,6 +28,7 @@ from bayes_asv.diagnosis.unlisted_fault_models import (
     FaultTerm,
     PredictedMotion,
     fault_terms,
+    lag_terms,
     predicted_motions,
     rms_travel,
     unit_size,
@@ -59,8 +60,6 @@ Array = NDArray[np.float64]
 Part = Literal["damper", "spring"]
 """Part of a suspension that has a free law."""
 PARTS: tuple[Part, ...] = ("damper", "spring")
-
-_LAGS = ("hysteresis", "a damper in a soft mount")  # faults in which the force lags the velocity
 
 
 def unlisted_fault_sensitivities(
@@ -131,6 +130,11 @@ class UnlistedFaultScores(NamedTuple):
         return tuple(term.description for term in self.terms)
 
     @property
+    def one_sided(self) -> NDArray[np.bool_]:
+        """Whether only a positive size of each (K,) is unlisted."""
+        return np.array([term.kind.one_sided for term in self.terms])
+
+    @property
     def raw_information(self) -> Array:
         """Information (K,) before the projection of nuisance directions."""
         return np.asarray(np.sum(self.sensitivities**2, axis=1))
@@ -140,6 +144,7 @@ class UnlistedFaultScores(NamedTuple):
         """Gain of log-likelihood (K,) by each at its most probable size, nats."""
         own_information = np.diag(self.information)
         informative = own_information > MIN_INFORMATION_SHARE * self.raw_information
+        informative &= ~(self.one_sided & (self.gradient < 0.0))
         return np.where(
             informative, 0.5 * self.gradient**2 / np.maximum(own_information, 1e-30), 0.0
         )
@@ -198,21 +203,18 @@ def free_force_evidence(model: DenoisedModel, projection: NuisanceProjection) ->
 def free_law_evidence(
     model: DenoisedModel,
     projection: NuisanceProjection,
-    scores: UnlistedFaultScores,
     part: Part,
 ) -> tuple[float, str]:
     """Log Bayes factor (nats) of a free law against none, and the axle at which it is largest.
 
     To first order, a damper law adds a force that is any piecewise linear function of the rate of
-    deflection, and the unlisted faults in which the force lags the velocity; a spring law adds a
+    deflection, and those faults in which the force lags the velocity; a spring law adds a
     force that is any piecewise linear function of deflection.
 
     Parameters
     ----------
     model, projection
         As in :func:`unlisted_fault_scores`.
-    scores : UnlistedFaultScores
-        Scores of the same model.
     part : {'damper', 'spring'}
         Part that has the law.
     """
@@ -235,9 +237,9 @@ def free_law_evidence(
         changes = [[np.interp(x, knots, hat) for x in driven] for hat in hats]
         sensitivities = _force_sensitivities(model, of_axle, changes)
         if part == "damper":
-            places = {f"at the {car.elements[e].words}" for e in of_axle}
-            lags = [t.kind.name in _LAGS and t.kind.place in places for t in scores.terms]
-            sensitivities = np.concatenate([sensitivities, scores.sensitivities[lags]])
+            lags = lag_terms(model.dataset, rms_travel(motions), of_axle)
+            along_lags, _ = unlisted_fault_sensitivities(model, lags, motions)
+            sensitivities = np.concatenate([sensitivities, along_lags])
         by_axle[axle] = _log_bayes_factor(*projection.project_out(sensitivities))
     axle = max(by_axle, key=lambda name: by_axle[name])
     return by_axle[axle], axle
@@ -363,7 +365,7 @@ def free_laws(
     best_gain = best.log_evidence - evidence.log_evidence
     laws = []
     for part in parts:
-        gain, axle = free_law_evidence(denoised, projection, scores, part)
+        gain, axle = free_law_evidence(denoised, projection, part)
         laws.append(FreeLaw(part, axle, gain, best_gain))
     return sorted(laws, key=lambda law: -law.gain)
 
