@@ -5,9 +5,9 @@ another drive.  Its tones are removed from measurement and simulation alike.
 
 In the band of a tone, the body's accelerations minus a simulation from the wheels are a force times
 the car's response, plus noise.  Where the engine sits is unknown: forces at all axles are estimated
-together, by generalised least squares, and their sum is reported.  With fewer accelerometers on the
-body than axles, the force is assumed to be the same at all of them.  The noise is estimated in the
-bands on either side.
+together, by generalised least squares, and their sum is reported.  Where the accelerometers do not
+tell the axles apart, the force is assumed to be the same at all of them.  The noise is estimated in
+the bands on either side.
 Deflections and angular rates hardly respond at these frequencies: without a measured acceleration,
 no engine is searched for.
 """
@@ -29,7 +29,7 @@ from bayes_asv.diagnosis.thresholds import MISSPECIFICATION_LEVEL, PRIOR_NONE
 from bayes_asv.diagnosis.tone_detection import DetectedTones, detect_tones
 from bayes_asv.domain.quantities import NORMAL_975
 from bayes_asv.filters.kalman import VALUE
-from bayes_asv.models.effects import BOTH, EFFECTS
+from bayes_asv.models.effects import EFFECTS
 from bayes_asv.posterior.fitted_model import Dataset, FittedModel, make_dataset
 from bayes_asv.posterior.free_simulation import free_run
 from bayes_asv.preprocessing.prepared_recording import PreparedRecording
@@ -72,6 +72,9 @@ _MEASURED_WIDTH, _BAND_DISTANCES = 2.0, (4.5, 6.5, 8.5)
 _MIN_NOISE = 1e-12  # lower bound of the noise power, m²/s⁴
 _LOWEST_BAND = 3.0  # lowest frequency of a noise band, Hz; the car moves below it
 _POWER_LOST = 0.06  # standard deviation of the share of power that wanders out of the band
+# Least singular value of the responses to forces at the axles, over the largest: below it, a sum of
+# the forces would have more than twenty times the noise of one of them.
+_LEAST_DIFFERENCE = 0.05
 _BLOCK = 0.5  # jackknife block, s: longer than the coherence time of an engine's phase
 
 
@@ -355,19 +358,29 @@ def _analytic_signal(signal: Array, tone: Notch, rate: float) -> Complex:
 
 
 def _responses(model: FittedModel, run: int, frequency: float) -> Complex:
-    """Responses (n, axles) of the acceleration readings to unit forces, with given wheel motion."""
+    """Responses (n, K) of the acceleration readings to unit forces, with given wheel motion.
+
+    The K forces act at the axles; where the readings do not tell these apart, one is shared by all.
+    """
     recording, car = model.space.recordings[run], model.space.car
     accelerations = list(recording.accelerations)
     system = model.space.state_space(model.mode.z[None], run)
     by_forces = (
         frequency_response(system._replace(B=system.E), np.array([frequency]))[0] + system.G[0]
     )
-    places = car.axles if len(accelerations) >= len(car.axles) else (BOTH,)
-    shares = np.stack([car.shares(place) for place in places], axis=1)
+    shares = np.stack([car.shares(axle) for axle in car.axles], axis=1)
     response = (by_forces @ shares)[accelerations]
     poles = recording.poles[list(recording.outputs)][accelerations]
     s = 2j * math.pi * frequency
-    return np.asarray(response / (1.0 + s / np.where(poles > 0.0, poles, np.inf))[:, None])
+    return _distinct(response / (1.0 + s / np.where(poles > 0.0, poles, np.inf))[:, None])
+
+
+def _distinct(responses: Complex) -> Complex:
+    """Responses (n, K) as they are, or their mean (n, 1) where they are too much alike."""
+    least = _LEAST_DIFFERENCE * float(np.linalg.norm(responses, 2))
+    if np.linalg.matrix_rank(responses, least) < responses.shape[1]:
+        responses = responses.mean(axis=1, keepdims=True)
+    return responses
 
 
 def _net_force_weights(one: _ToneBand, h: Complex) -> tuple[Complex, float]:

@@ -2,8 +2,7 @@
 
 The final model, on all recordings together, is tested against a free force and unlisted faults
 beside the named effects, against autocorrelated innovations, against a misfit of a few readings,
-against a variance that grows with the slope of a signal, against excess noise, and the readings
-against missing bits.
+against a variance that grows with the slope of a signal, and against excess noise.
 
 If named effects reproduce another fault together, nothing remains beside them.  Therefore a single
 unlisted fault is also compared with them, as an alternative in their place.
@@ -44,7 +43,6 @@ from bayes_asv.diagnosis.unlisted_faults import free_force_evidence, unlisted_fa
 from bayes_asv.posterior.fisher_scoring import LaplaceApproximation, slopes
 from bayes_asv.posterior.fitted_model import Dataset, FittedModel, fit_model
 from bayes_asv.posterior.likelihood import Posterior, shared_work
-from bayes_asv.preprocessing.quantization import missing_bit
 
 __all__ = ["MisspecificationResult", "best_alternative", "misspecification_tests"]
 
@@ -150,7 +148,6 @@ def misspecification_tests(
         closest_fault=faults.descriptions[k],
         p_jitter=p_jitter,
         jitter_channel=jitter_channel,
-        missing_bits=_missing_bits(dataset),
         outlier=outlier_test(model),
     )
 
@@ -163,18 +160,6 @@ def _excess_noise(dataset: Dataset, model: FittedModel) -> tuple[str, ...]:
         for channel, given in zip(recording.channels, recording.noise, strict=True):
             level = levels.get(f"noise {channel.name} {run}")
             if given and level is not None and float(level[0]) > EXCESS_NOISE * given:
-                out.append(channel.name)
-    return tuple(dict.fromkeys(out))
-
-
-def _missing_bits(dataset: Dataset) -> tuple[str, ...]:
-    """Channels whose converter never uses one of its bits."""
-    out = []
-    for recording in dataset.recordings:
-        for c, channel in enumerate(recording.channels):
-            values = recording.values[c]
-            step = float(recording.quantization_steps[c])
-            if missing_bit(values[np.isfinite(values)], step):
                 out.append(channel.name)
     return tuple(dict.fromkeys(out))
 

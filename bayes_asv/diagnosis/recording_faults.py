@@ -1,4 +1,7 @@
-"""Faults of recordings that need no fit: clipping, missing rows, uneven clock, motion at start."""
+"""Faults of recordings that need no fit.
+
+They are clipping, missing rows, an uneven clock, motion at the start, and missing bits.
+"""
 
 from __future__ import annotations
 
@@ -7,9 +10,9 @@ from collections.abc import Sequence
 import numpy as np
 
 from bayes_asv.preprocessing.prepared_recording import PreparedRecording
-from bayes_asv.preprocessing.quantization import noise_level
+from bayes_asv.preprocessing.quantization import missing_bit, noise_level
 
-__all__ = ["find_recording_faults"]
+__all__ = ["channels_with_missing_bits", "find_recording_faults"]
 
 Fault = dict[str, object]
 
@@ -40,6 +43,19 @@ def find_recording_faults(recordings: Sequence[PreparedRecording]) -> tuple[Faul
         deviation of the most active channel in the first tenth of a second over its sensor's noise.
     """
     return tuple(fault for recording in recordings for fault in _faults(recording))
+
+
+def channels_with_missing_bits(recordings: Sequence[PreparedRecording]) -> tuple[str, ...]:
+    """Channels whose converter never sets, or never clears, one of its bits, in any recording."""
+    found = [
+        channel.name
+        for recording in recordings
+        for channel, values, step in zip(
+            recording.channels, recording.values, recording.quantization_steps, strict=True
+        )
+        if missing_bit(values[np.isfinite(values)], float(step))
+    ]
+    return tuple(dict.fromkeys(found))
 
 
 def _faults(recording: PreparedRecording) -> list[Fault]:

@@ -62,7 +62,6 @@ _SEAT_DAMPING = 0.2  # damping ratio of a seat
 # Resonances f₀ of a sensor mount, Hz.  One above the frequencies f that the car excites still
 # amplifies the reading by f²/f₀².
 _MOUNT_FREQUENCIES = (15.0, 21.0, 30.0, 42.0, 60.0, 85.0, 120.0, 170.0, 240.0)
-_HYSTERESIS, _SOFT_MOUNT = "hysteresis", "a damper in a soft mount"
 _RESONANCE = "a sensor mount that resonates"
 # Standard deviation of the size of a resonance, as a share of the motion of its base: all of it on
 # a bracket, less on a panel.
@@ -279,44 +278,48 @@ def _body_accelerations(
 def fault_terms(dataset: Dataset, travel: Array) -> tuple[FaultTerm, ...]:
     """Return every unlisted fault in every form; ``travel`` (ne,) contains the rms deflections."""
     kinds = _fault_kinds(dataset, dataset.recordings[0].car, travel)
-    return tuple(
-        FaultTerm(kind, form) for kind in kinds if kind.name != _SOFT_MOUNT for form in kind.forms
-    )
+    return tuple(FaultTerm(kind, form) for kind in kinds for form in kind.forms)
 
 
 def lag_terms(dataset: Dataset, travel: Array, elements: Sequence[int]) -> tuple[FaultTerm, ...]:
     """Return the faults of some elements by which force lags velocity, in every form."""
     car = dataset.recordings[0].car
-    places = {f"at the {car.elements[e].words}" for e in elements}
-    kinds = _fault_kinds(dataset, car, travel)
     return tuple(
         FaultTerm(kind, form)
-        for kind in kinds
-        if kind.name in (_HYSTERESIS, _SOFT_MOUNT) and kind.place in places
+        for e in elements
+        for kind in _element_kinds(car, e, (_hysteresis_law(float(travel[e])), _SOFT_MOUNT))
         for form in kind.forms
     )
 
 
 def _fault_kinds(dataset: Dataset, car: CarModel, travel: Array) -> Iterator[FaultKind]:
-    for e, element in enumerate(car.elements):
-        for name, forms, continuous, law in _force_laws(float(travel[e])):
-            change = partial(_element_fault, e, law)
-            place = f"at the {element.words}"
-            dimensions = "force", "velocity"
-            # the opposites are a digressive damper and one in a soft mount
-            one_sided = law in (_damper_by_speed, _inertia)
-            yield FaultKind(name, place, forms, continuous, dimensions, change, one_sided=one_sided)
+    for e in range(len(car.elements)):
+        yield from _element_kinds(car, e, _force_laws(float(travel[e])))
     for place, shares in _seat_places(car).items():
         change = partial(_seat_fault, shares)
-        forms = tuple((f, _SEAT_DAMPING) for f in _SEAT_FREQUENCIES)
+        resonances = tuple((f, _SEAT_DAMPING) for f in _SEAT_FREQUENCIES)
         dimensions = "force", "acceleration"
-        yield FaultKind("a mass on a spring", f"near {place}", forms, True, dimensions, change)
+        yield FaultKind("a mass on a spring", f"near {place}", resonances, True, dimensions, change)
     for channel in dataset.channels:
         place, dimensions = f"({channel.words})", (channel.dimension, channel.dimension)
         for name, forms, continuous, distortion in _distortions(car, channel):
             change = partial(_channel_fault, channel, distortion)
             usual = _RESONANCE_SIZE if continuous else math.inf
             yield FaultKind(name, place, forms, continuous, dimensions, change, usual)
+
+
+def _element_kinds(car: CarModel, e: int, laws: Iterable[_ElementLaw]) -> Iterator[FaultKind]:
+    """Yield the faults of one suspension element."""
+    for law in laws:
+        yield FaultKind(
+            law.name,
+            f"at the {car.elements[e].words}",
+            law.forms,
+            law.continuous,
+            ("force", "velocity"),
+            partial(_element_fault, e, law.force),
+            one_sided=law.one_sided,
+        )
 
 
 def _no_perturbation(recording: PreparedRecording) -> Perturbation:
@@ -360,15 +363,38 @@ def _seat_places(car: CarModel) -> dict[str, Array]:
     return dict([front, ("the middle", car.shares(BOTH)), *rear])
 
 
-def _force_laws(travel: float) -> Iterator[tuple[str, tuple[Form, ...], bool, ForceLaw]]:
-    """Yield unlisted force laws of a suspension element, given its rms deflection."""
-    yield _SOFT_MOUNT, _each(_MOUNT_TIME_CONSTANTS), True, _soft_mount
-    yield "a damper with play", _each(share * travel for share in _PLAY), True, _force_with_play
-    yield "an inertia in the suspension", _each(_MOUNT_TIME_CONSTANTS), True, _inertia
-    yield _HYSTERESIS, _each(share * travel for share in _YIELD_TRAVEL), True, _hysteresis
-    yield "a damper that depends on travel", _each((1, 2)), False, _damper_by_travel
-    yield "a progressive damper", _each((2, 3)), False, _damper_by_speed
-    yield "an asymmetric spring", ((2.0, 1.0), (2.0, 0.0)), False, _spring_by_travel
+class _ElementLaw(NamedTuple):
+    """A force of a suspension element; see :class:`FaultKind`."""
+
+    name: str
+    forms: tuple[Form, ...]
+    continuous: bool
+    force: ForceLaw
+    one_sided: bool = False
+
+
+def _force_laws(travel: float) -> Iterator[_ElementLaw]:
+    """Yield unlisted force laws of a suspension element, given its rms deflection.
+
+    The opposite of an inertia is a damper in a soft mount, that of a progressive damper a
+    digressive one: both are in the list.
+    """
+    yield _ElementLaw(
+        "an inertia in the suspension", _each(_MOUNT_TIME_CONSTANTS), True, _inertia, one_sided=True
+    )
+    forms = _each(share * travel for share in _PLAY)
+    yield _ElementLaw("a damper with play", forms, True, _force_with_play)
+    yield _hysteresis_law(travel)
+    yield _ElementLaw("a damper that depends on travel", _each((1, 2)), False, _damper_by_travel)
+    yield _ElementLaw(
+        "a progressive damper", _each((2, 3)), False, _damper_by_speed, one_sided=True
+    )
+    yield _ElementLaw("an asymmetric spring", ((2.0, 1.0), (2.0, 0.0)), False, _spring_by_travel)
+
+
+def _hysteresis_law(travel: float) -> _ElementLaw:
+    forms = _each(share * travel for share in _YIELD_TRAVEL)
+    return _ElementLaw("hysteresis", forms, True, _hysteresis)
 
 
 def _each(values: Iterable[float]) -> tuple[Form, ...]:
@@ -407,6 +433,11 @@ def _pass_through(time: Array, signal: Array, system: tuple[list[float], list[fl
 def _soft_mount(form: Form, time: Array, deflection: Array, velocity: Array) -> Array:
     """Deficit of the force of a damper in series with a spring, per damping rate; c/k in s."""
     return velocity - _pass_through(time, velocity, ([1.0], [form[0], 1.0]))
+
+
+_SOFT_MOUNT = _ElementLaw(
+    "a damper in a soft mount", _each(_MOUNT_TIME_CONSTANTS), True, _soft_mount
+)
 
 
 def _inertia(form: Form, time: Array, deflection: Array, velocity: Array) -> Array:

@@ -53,7 +53,10 @@ from bayes_asv.diagnosis.model_comparison import (
     draw_springs,
     weighted_posterior,
 )
-from bayes_asv.diagnosis.recording_faults import find_recording_faults
+from bayes_asv.diagnosis.recording_faults import (
+    channels_with_missing_bits,
+    find_recording_faults,
+)
 from bayes_asv.diagnosis.results import DiagnosisResult, NamedEffect
 from bayes_asv.diagnosis.score_test import one_sided_squares
 from bayes_asv.diagnosis.simulation_error import compare_errors
@@ -160,6 +163,7 @@ def diagnose(
         misspecification_tests(pooled, evidence, seed),
         failed=validated.failed,
         stopped_by=selection.stopped_by,
+        missing_bits=channels_with_missing_bits((*fit, *holdout_prepared)),
     )
     if named:
         alternative, fault = best_alternative(pooled, model, len(named), search.effect_count)

@@ -14,6 +14,7 @@ from scipy.special import expit
 
 from bayes_asv.diagnosis.engine import (
     IntervalEstimate,
+    _distinct,
     engine_probability,
     estimate_engine_force,
     remove_engine_tones,
@@ -186,3 +187,14 @@ def test_the_net_force_of_an_engine_does_not_depend_on_where_it_sits(
     expected = car.m * (car.wdf * front + (1.0 - car.wdf) * rear) * sensor_filter
     assert amplitude.value == pytest.approx(expected, rel=0.1)
     assert amplitude.low < expected < amplitude.high
+
+
+def test_a_force_is_shared_by_axles_that_sensors_do_not_tell_apart() -> None:
+    """One sensor, or two at one axle; with one above each axle, both forces are estimated."""
+    of_front, of_rear = [0.02 + 0.001j, 0.002], [0.003, 0.018 + 0.002j]
+    apart = np.array([of_front, of_rear])
+    assert _distinct(apart) is apart
+    for alike in (apart[:1], apart[[0, 0]]):
+        shared = _distinct(alike)
+        assert shared.shape == (len(alike), 1)
+        np.testing.assert_allclose(shared[:, 0], alike.mean(axis=1))

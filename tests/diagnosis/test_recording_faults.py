@@ -8,7 +8,10 @@ from typing import Any
 import numpy as np
 import pytest
 
-from bayes_asv.diagnosis.recording_faults import find_recording_faults
+from bayes_asv.diagnosis.recording_faults import (
+    channels_with_missing_bits,
+    find_recording_faults,
+)
 from bayes_asv.domain.recording import Recording
 from bayes_asv.preprocessing.run_preparation import prepare_runs
 from tests.battery.cases import case
@@ -62,3 +65,16 @@ def test_the_jitter_of_a_clock_is_measured() -> None:
     (fault,) = _faults(replace(recording, time=time))
     assert fault["name"] == "uneven_clock"
     assert fault["rms_seconds"] == pytest.approx(1e-4 * np.sqrt(2.0), rel=0.1)
+
+
+def test_a_converter_that_never_sets_a_bit_is_reported() -> None:
+    recording = case("null/rough~baja").recordings[0]
+    channel = recording.channels.index("front_chassis")
+    values = recording.values.copy()
+    step = 8.0 * float(np.min(np.diff(np.unique(values[channel]))))
+    values[channel] -= step * np.mod(np.floor(values[channel] / step), 2.0)
+    lines, reasons, _ = prepare_runs(
+        [replace(recording, values=values)], case("null/rough~baja").vehicle
+    )
+    assert not reasons
+    assert channels_with_missing_bits(lines) == ("front_chassis",)
