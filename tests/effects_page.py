@@ -31,8 +31,11 @@ the rates of deflection are normal with a standard deviation of 0.15 m/s.""",
     "damper_hysteresis": r"""The damper is in series with a stiffness $K$ (gas, oil, rubber mounts: a Maxwell element):
 $F=-k\delta-m$ with $\dot m=K(\dot\delta-u)$, where $u$ is the rate at which the damper alone has the force $m$. A
 linear damper lags by $c/K$.""",
-    "coulomb_friction": r"""$F=-k\delta-c\,\dot\delta
--\text{force}\cdot\dot\delta/\sqrt{\dot\delta^2+\text{slip}^2}$.""",
+    "coulomb_friction": r"""$F=-k\delta-c\,\dot\delta-m$ with
+$\text{presliding}\cdot\dot m=\text{force}\cdot\dot\delta-m\sqrt{\dot\delta^2+\text{slip}^2}$: at first an elastic
+force, as bushings, seals and leaf springs have it, and sliding friction after a few times the displacement
+$\text{presliding}$. In steady motion $m=\text{force}\cdot\dot\delta/\sqrt{\dot\delta^2+\text{slip}^2}$; online,
+`track` takes that throughout.""",
     "progressive_spring": r"""$F=-k\delta\,(1+\kappa\delta^2+q\,\kappa^2\delta^4)-c\,\dot\delta$.""",
     "spring_curve": r"""$F=-k\int_0^{\delta} g(x)\,\mathrm dx-c\,\dot\delta$. The slope $g>0$ is piecewise linear
 between knots at rest, at ±4 mm and at each $\sqrt2$ times that up to ±91 mm; $g(0)=1$, so that $k$ is the stiffness at
@@ -83,6 +86,7 @@ MEANINGS = {
     "coulomb_friction": {
         "force": "friction force of the axle, both sides",
         "slip": "velocity that rounds the corner at zero velocity",
+        "presliding": "displacement over which the force builds up; its stiffness is force/presliding",
     },
     "progressive_spring": {
         "kappa": "$\\kappa$: relative stiffening per squared deflection",

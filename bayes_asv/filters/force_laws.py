@@ -45,10 +45,11 @@ __all__ = [
     "SPRING_CURVE",
     "SPRING_FIRST",
     "SPRING_KNOTS",
+    "WITH_MEMORY",
     "apply_laws",
     "damper_forces",
     "excess_many",
-    "series_stiffness",
+    "row_of_law",
     "table_of_laws",
 ]
 
@@ -162,7 +163,7 @@ def _spring_curve(p: Numbers, delta: Vector) -> Pair:
 
 
 def _coulomb(p: Numbers, delta: Vector, rate: Vector, time: Vector) -> tuple[Vector, ...]:
-    """Take p0 = force, N, and p1 = slip speed, m/s."""
+    """Take p0 = force, N, and p1 = slip speed, m/s; once it slips, whatever p2 is."""
     root = sqrt(rate * rate + p[1] * p[1])
     slope = p[0] * p[1] * p[1] / (root * root * root)
     return -p[0] * rate / root, 0.0 * rate, -slope
@@ -223,6 +224,8 @@ _FORCES: dict[int, Callable[..., tuple[Vector, ...]]] = {
 }
 """Force on the body (N), and its slopes in deflection and rate."""
 _ON_DAMPER = tuple(_DAMPER_LAWS)
+WITH_MEMORY = (SERIES_STIFFNESS, COULOMB)
+"""Laws whose force depends on the past and is a state of its own, in the order of those states."""
 
 
 @emitted
@@ -258,7 +261,7 @@ def _law_vectors(code: Choice, moment: Table, row: Table, parts: Table) -> None:
 
 
 @njit(**INLINE)
-def apply_laws(table: Array, moment: Array, dampers: bool, parts: Array) -> None:
+def apply_laws(table: Array, moment: Array, dampers: bool, friction: bool, parts: Array) -> None:
     """Apply all laws to all elements.
 
     Parameters
@@ -267,14 +270,14 @@ def apply_laws(table: Array, moment: Array, dampers: bool, parts: Array) -> None
         See the module; elements and codes are those of lane 0.
     moment : (2, L) array
         Time in the recording (s), and the share of the recording that has gone by.
-    dampers : bool
-        Whether those of dampers are applied as well.
+    dampers, friction : bool
+        Whether those of dampers and of friction are applied as well.
     parts : (ne, LAW_PARTS, L) array
         Of the elements; changed in place.
     """
     for row in range(table.shape[0]):
         code = int(table[row, 1, 0])
-        if dampers or code not in _ON_DAMPER:
+        if (dampers or code not in _ON_DAMPER) and (friction or code != COULOMB):
             _law_vectors(code, moment, table[row], parts[int(table[row, 0, 0])])
 
 
@@ -305,11 +308,11 @@ def damper_forces(
 
 
 @njit(**INLINE)
-def series_stiffness(table: Array, element: int) -> int:
-    """Return the row of the stiffness in series with an element's damper; −1 if there is none."""
+def row_of_law(table: Array, element: int, code: int) -> int:
+    """Return the row of a law of an element; −1 if there is none."""
     found = -1
     for row in range(table.shape[0]):
-        if table[row, 0, 0] == element and table[row, 1, 0] == SERIES_STIFFNESS:
+        if table[row, 0, 0] == element and table[row, 1, 0] == code:
             found = row
     return found
 
@@ -359,7 +362,7 @@ def excess_many(
             moment[0, q], moment[1, q] = time[n], time[n] / end
             parts[0, _DEFLECTION, q], parts[0, _RATE, q] = delta[n], rate[n]
             parts[0, _DAMPER, q], parts[0, _SPRING, q] = 1.0, 1.0
-        apply_laws(laws, moment, True, parts)
+        apply_laws(laws, moment, True, True, parts)
         for q in range(min(LANES, len(delta) - first)):
             of, d, v = parts[0, :, q], delta[first + q], rate[first + q]
             spring, damper = of[_SPRING] - 1.0, of[_DAMPER] - 1.0

@@ -18,8 +18,8 @@ from bayes_asv.filters.kalman import (
     Laws,
     Measurements,
     StateSpace,
+    forces_with_memory,
     readout,
-    series_dampers,
 )
 from bayes_asv.filters.prediction import (
     OPTIONS,
@@ -47,7 +47,7 @@ Array = NDArray[np.float64]
 
 
 @lru_cache(maxsize=64)
-def _compiled(nx: int, ne: int, nm: int, nd: int, nu: int, ny: int) -> Callable[..., None]:
+def _compiled(nx: int, ne: int, ns: int, nm: int, nd: int, nu: int, ny: int) -> Callable[..., None]:
     lanes = LANES
     nf = nx + ne
     rows = nf + nm
@@ -99,7 +99,7 @@ def _compiled(nx: int, ne: int, nm: int, nd: int, nu: int, ny: int) -> Callable[
                 mean[a, q] = begin[a, q]
             for d in range(nd):
                 mean[rows + d, q] = begin[nx + d, q]
-            for e in range(nm):  # as if it had been linear before the recording began
+            for e in range(ns):  # as if it had been linear before the recording began
                 mean[nf + e, q] = rates[e, 0, q] * begin[2 * e + 1, q]
         h_before, oldest = 0.0, 0
         for k in range(step.shape[0]):
@@ -119,9 +119,9 @@ def _compiled(nx: int, ne: int, nm: int, nd: int, nu: int, ny: int) -> Callable[
                     bends[0], bends[1] = bend_weights(h, h_before)
                     h_before = h
                     advance_forces(
-                        nx, ne, nu, nm, coupled, table, rates, B, lag, mean, k, h, bends, inputs,
-                        elapsed, added, W, by, last, force, stiffness, damping, rate, series,
-                        work, ahead,
+                        nx, ne, nu, ns, nm, coupled, table, rates, B, lag, mean, k, h, bends,
+                        inputs, elapsed, added, W, by, last, force, stiffness, damping, rate,
+                        series, work, ahead,
                     )  # fmt: skip
                 for a in range(rows):
                     for q in range(lanes):
@@ -165,10 +165,10 @@ def free_response(
     _, nx, nu = system.B.shape
     W, ny = len(begin), system.C.shape[1]
     ne = 0 if laws is None else system.E.shape[2]
-    nm = 0 if laws is None else series_dampers(laws, ne)
+    ns, nm = (0, 0) if laws is None else forces_with_memory(laws, ne)
     C = system.C if laws is None else readout(system, nm)
     laws = NO_LAWS if laws is None else laws
-    run = _compiled(nx, ne, nm, system.N.shape[1], nu, ny)
+    run = _compiled(nx, ne, ns, nm, system.N.shape[1], nu, ny)
     forces, rates = system.E[:, :, :ne], system.rates[:, :ne]
     A, B, C, forces, rates, tables, begin = (
         lanes_last(np.broadcast_to(x, (W, *x.shape[1:])))

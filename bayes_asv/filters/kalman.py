@@ -20,7 +20,7 @@ import numpy as np
 from numba import njit
 from numpy.typing import NDArray
 
-from bayes_asv.filters.force_laws import SERIES_STIFFNESS, table_of_laws
+from bayes_asv.filters.force_laws import WITH_MEMORY, table_of_laws
 from bayes_asv.filters.linearised_filter import LinearisedFilter, room_for
 from bayes_asv.filters.prediction import (
     AT_LEAST,
@@ -212,7 +212,7 @@ class FilterPass(NamedTuple):
 
 @lru_cache(maxsize=64)
 def _compiled(
-    nx: int, ne: int, nm: int, nd: int, nu: int, ny: int
+    nx: int, ne: int, ns: int, nm: int, nd: int, nu: int, ny: int
 ) -> Callable[..., None]:  # sizes are constants of the compiled function
     lanes = LANES
     nf = nx + ne
@@ -281,7 +281,7 @@ def _compiled(
             for b in range(nx + nd + ny):
                 for q in range(lanes):
                     P[place[a], place[b], q] = start[a, b]
-        for e in range(nm):  # as if it had been linear before the recording began
+        for e in range(ns):  # as if it had been linear before the recording began
             for a in range(nf):
                 for q in range(lanes):
                     P[nf + e, a, q] = rates[e, 0, q] * P[2 * e + 1, a, q]
@@ -367,9 +367,9 @@ def _compiled(
                     bends[0], bends[1] = bend_weights(h, h_before)
                     h_before = h
                     advance_forces(
-                        nx, ne, nu, nm, coupled, table, rates, B, lag, mean, k, h, bends, inputs,
-                        elapsed, added, W, by, last, force, stiffness, damping, rate, series,
-                        work, ahead,
+                        nx, ne, nu, ns, nm, coupled, table, rates, B, lag, mean, k, h, bends,
+                        inputs, elapsed, added, W, by, last, force, stiffness, damping, rate,
+                        series, work, ahead,
                     )  # fmt: skip
                     if nonlinear:
                         linearise_vectors(
@@ -439,13 +439,17 @@ def _compiled(
     return run  # type: ignore[no-any-return]
 
 
-def series_dampers(laws: Laws, ne: int) -> int:
-    """Return how many dampers have a force of their own: all of them, if any has a stiffness."""
-    return ne if np.any(laws.table[:, :, 1] == SERIES_STIFFNESS) else 0
+def forces_with_memory(laws: Laws, ne: int) -> tuple[int, int]:
+    """Return how many forces are states: those of dampers, and all with those of friction.
+
+    Where one element has a force with memory, all have one of that kind.
+    """
+    dampers, friction = (ne * bool(np.any(laws.table[:, :, 1] == code)) for code in WITH_MEMORY)
+    return dampers, dampers + friction
 
 
 def readout(system: StateSpace, nm: int) -> Array:
-    """Return outputs (W, ny, nx + ne + nm) by states, filtered forces and forces of dampers."""
+    """Return outputs (W, ny, nx + ne + nm) by states, filtered forces and forces with memory."""
     W, ny, _ = system.C.shape
     return np.concatenate([system.C, system.G, np.zeros((W, ny, nm))], axis=2)
 
@@ -464,7 +468,7 @@ def _passes(
     W, nx, nu = system.B.shape
     ny = system.C.shape[1]
     ne = system.E.shape[2] if nonlinear else 0
-    nm = series_dampers(laws, ne)
+    ns, nm = forces_with_memory(laws, ne)
     C = readout(system, nm) if nonlinear else system.C
     A, B, C, E, rates, biases, white, filtered, poles = (
         lanes_last(x)
@@ -477,7 +481,7 @@ def _passes(
     tables = lanes_last(np.broadcast_to(laws.table, (W, *laws.table.shape[1:])))
     out = [np.zeros((len(A), LANES))]
     out += [np.zeros((len(A), instants, size, LANES)) for size in (ny, ny, nx + ne)]
-    run = _compiled(nx, ne, nm, system.N.shape[1], nu, ny)
+    run = _compiled(nx, ne, ns, nm, system.N.shape[1], nu, ny)
     if linearised is None:
         linearised = room_for(nx, ne, nm, system.N.shape[1], nu, ny, np.zeros(0))
     for b in range(len(A)):
@@ -531,7 +535,7 @@ def linearise(
     """
     nx, nu = system.B.shape[1:]
     ny, ne = system.C.shape[1], system.E.shape[2]
-    nm = series_dampers(laws, ne)
+    _, nm = forces_with_memory(laws, ne)
     room = room_for(nx, ne, nm, system.N.shape[1], nu, ny, data.step)
     filtered = _passes(system, noise, data, laws, True, room)
     return filtered, room._replace(C=readout(system, nm)[0])

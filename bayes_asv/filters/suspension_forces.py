@@ -24,6 +24,16 @@ state behind φ.  With F the damper's law and u the rate at its own ends::
 so that force lags velocity: a loop in place of a curve.  It is integrated in parts of a step by
 exponential Rosenbrock steps (Hochbruck & Ostermann, section 2.4), which stay stable where the
 damper's slope F′ is small and K/F′ fast.
+
+Friction gives before it slips.  Its force m is a state as well: with a force F, a slip speed s and
+a presliding displacement d, after Dahl (1968, Aerospace TOR-0158(3107-18)-1), whose law is that of
+s = 0::
+
+    ṁ = (F δ̇ − w m)/d        w = √(δ̇² + s²)
+
+In steady motion it is F δ̇/w.  Over a part of a step with z = ∫ w dt/d, the force that it tends to
+is taken as linear in z, with the exact mean F ∫ δ̇ dt/∫ w dt and the exact value at the end: right
+both where friction only gives (z → 0) and where it slips all along (z → ∞).
 """
 
 from __future__ import annotations
@@ -36,10 +46,12 @@ from numba import njit
 from numpy.typing import NDArray
 
 from bayes_asv.filters.force_laws import (
+    COULOMB,
     LAW_PARTS,
+    SERIES_STIFFNESS,
     apply_laws,
     damper_forces,
-    series_stiffness,
+    row_of_law,
 )
 from bayes_asv.filters.prediction import INLINE, OPTIONS, TAYLOR
 from bayes_asv.filters.vector_code import LANES, lanes_last
@@ -58,7 +70,7 @@ __all__ = [
 
 Array = NDArray[np.float64]
 
-_PARTS = 4  # of a step, over each of which a damper in series with a stiffness is linear
+_PARTS = 4  # of a step, over each of which a force with memory is linear
 _MOST_TRIES = 40  # of Newton's method for the rate at the damper
 
 
@@ -192,6 +204,7 @@ def law_workspace(ne: int) -> LawWorkspace:
 def _forces(
     nx: int,
     ne: int,
+    ns: int,
     nm: int,
     table: Array,
     rates: Array,
@@ -214,16 +227,16 @@ def _forces(
     lag : (1,) array
         1/λ, s.
     mean : (nx + ne + nm, L) array
-        States of the car, filtered forces, and forces of dampers in series with a stiffness;
-        element e has its deflection at 2 e and its rate at 2 e + 1.
+        States of the car, filtered forces, and forces with memory; element e has its deflection
+        at 2 e and its rate at 2 e + 1.
     rate : (ne, L) array
         Rates of deflection before the sensors' filter, m/s.
     work : LawWorkspace
         With its ``moment``.
     """
     begin_laws_vectors(nx, ne, nm, lag, mean, rate, work.parts)
-    apply_laws(table, work.moment, nm == 0, work.parts)
-    end_laws_vectors(nx, ne, nm, rates, mean, work.parts, force, stiffness, damping)
+    apply_laws(table, work.moment, ns == 0, nm == ns, work.parts)
+    end_laws_vectors(nx, ne, ns, nm, rates, mean, work.parts, force, stiffness, damping)
 
 
 @njit(**INLINE)
@@ -267,7 +280,7 @@ def _carry_series_damper(
     """
     parts, at = work.parts[element], series[3]
     total, slope, low, high = work.search
-    row = series_stiffness(table, element)
+    row = row_of_law(table, element, SERIES_STIFFNESS)
     if row < 0:
         damper_forces(table, element, c, end, work.moment, parts, ahead, slope)
         for q in range(LANES):
@@ -318,10 +331,68 @@ def _carry_series_damper(
 
 
 @njit(**INLINE)
+def _carry_friction(
+    table: Array,
+    element: int,
+    force: Array,
+    begin: Array,
+    end: Array,
+    last: Array,
+    up: float,
+    back: float,
+    h: float,
+    series: Array,
+    ahead: Array,
+) -> None:
+    """Carry the force of an element's friction over a step; see :func:`_carry_series_damper`."""
+    row = row_of_law(table, element, COULOMB)
+    for q in range(LANES):
+        ahead[q] = force[q]
+        series[0, q], series[1, q], series[2, q] = 1.0, 0.0, 0.0
+    if row < 0:
+        return
+    part = h / _PARTS
+    for n in range(_PARTS):
+        s, t = n / _PARTS, (n + 1) / _PARTS
+        hump, humped = 0.5 * (s * s - s), 0.5 * (t * t - t)
+        for q in range(LANES):
+            level, slip, d = table[row, 2, q], table[row, 3, q], table[row, 4, q]
+            bend = up * (end[q] - begin[q]) - back * (begin[q] - last[q])
+            early = begin[q] + (end[q] - begin[q]) * s + bend * hump
+            later = begin[q] + (end[q] - begin[q]) * t + bend * humped
+            middle = 0.5 * (early + later)
+            w0 = math.sqrt(early * early + slip * slip)
+            w1 = math.sqrt(later * later + slip * slip)
+            w = math.sqrt(middle * middle + slip * slip)
+            z = part * (w0 + 4.0 * w + w1) / (6.0 * d)
+            kept = math.exp(-z)
+            if z > 0.05:
+                mean = ((1.0 - kept) / z - kept) / z
+                bent = (kept - 2.0 * mean) / z
+                at_end = 1.0 + kept - 2.0 * (1.0 - kept) / z
+            else:
+                mean = 0.5 - z * (1.0 / 3.0 - z * (0.125 - z / 30.0))
+                bent = -1.0 / 3.0 + z * (0.25 - z * (0.1 - z / 36.0))
+                at_end = z * z * (1.0 / 6.0 - z * (1.0 / 12.0 - z / 40.0))
+            given = 2.0 * level * part / d
+            by_z = (2.0 * mean - kept) * level * later / w1 + given * middle * bent
+            by_z -= kept * ahead[q]
+            ahead[q] = kept * ahead[q] + at_end * level * later / w1 + given * middle * mean
+            by_early = by_z * part / (6.0 * d) * (early / w0 + 2.0 * middle / w)
+            by_early += 0.5 * given * mean
+            by_later = by_z * part / (6.0 * d) * (later / w1 + 2.0 * middle / w)
+            by_later += 0.5 * given * mean + at_end * level * slip * slip / (w1 * w1 * w1)
+            series[0, q] *= kept
+            series[1, q] = series[1, q] * kept + by_early * (1.0 - s) + by_later * (1.0 - t)
+            series[2, q] = series[2, q] * kept + by_early * s + by_later * t
+
+
+@njit(**INLINE)
 def advance_forces(
     nx: int,
     ne: int,
     nu: int,
+    ns: int,
     nm: int,
     coupled: int,
     table: Array,
@@ -352,8 +423,9 @@ def advance_forces(
     their slopes in deflection and rate, ``rate`` (2, ne, L) the rates there.  The forces ``added``
     (N, ne) go straight from instant to instant.  ``bends`` (2,) are those of :func:`bend_weights`.
     ``last`` (2, ne, L) holds force and rate at the beginning of the step before; it is made ready
-    for the next step.  ``series`` (4, nm, L) gets what a damper in series with a stiffness makes of
-    its force and of the rates at both ends, and the rate at the damper.
+    for the next step.  ``series`` (4, nm, L) gets what each force with memory makes of itself and
+    of the rates at both ends, and the rate at a damper in series with a stiffness; the first ns of
+    them (0 or ne) are forces of such dampers, the others of friction.
     """
     whole = elapsed[-1]
     nonlinear = table.shape[1] > 0
@@ -361,20 +433,28 @@ def advance_forces(
         rate_vectors(nx, ne, nu, nm, coupled, by, B, lag, inputs[k - 1], mean, mean, rate[0])
         work.moment[0], work.moment[1] = elapsed[k - 1], elapsed[k - 1] / whole
         _forces(
-            nx, ne, nm, table, rates, lag, mean, rate[0], work, force[0], stiffness[0], damping[0]
-        )
+            nx, ne, ns, nm, table, rates, lag, mean, rate[0], work, force[0], stiffness[0],
+            damping[0],
+        )  # fmt: skip
     begin_forces_vectors(nx, ne, nm, W, force[0], added[k - 1], ahead)
     if nonlinear:
         rate_vectors(nx, ne, nu, nm, coupled, by, B, lag, inputs[k], ahead, mean, rate[1])
         work.moment[0], work.moment[1] = elapsed[k], elapsed[k] / whole
-        for e in range(nm):
+        for e in range(ns):
             _carry_series_damper(
                 table, e, rates[e, 0], mean[nx + ne + e], rate[0, e], rate[1, e], last[1, e],
                 bends[0], bends[1], h, work, series[:, e], ahead[nx + ne + e],
             )  # fmt: skip
+        for m in range(ns, nm):
+            e = m - ns
+            _carry_friction(
+                table, e, mean[nx + ne + m], rate[0, e], rate[1, e], last[1, e], bends[0],
+                bends[1], h, series[:, m], ahead[nx + ne + m],
+            )  # fmt: skip
         _forces(
-            nx, ne, nm, table, rates, lag, ahead, rate[1], work, force[1], stiffness[1], damping[1]
-        )
+            nx, ne, ns, nm, table, rates, lag, ahead, rate[1], work, force[1], stiffness[1],
+            damping[1],
+        )  # fmt: skip
     end_forces_vectors(
         nx, ne, nm, W, bends, force, last, rate[0], added[k - 1], added[k], ahead
     )  # fmt: skip

@@ -243,7 +243,7 @@ def propagate_with_forces(
             nx, ne, nf, coupled, coupled, 1, work.base[b], work.drive[b], moments[k], mean, ahead
         )
         advance_forces(
-            nx, ne, ne, 0, coupled, work.table[b], work.rates[b], work.B[b], work.lag, mean,
+            nx, ne, ne, 0, 0, coupled, work.table[b], work.rates[b], work.B[b], work.lag, mean,
             1, h, work.bends, ends[k], work.elapsed, work.added, work.weights[b], work.by[b],
             history[b], work.force, work.stiffness, work.damping, work.rate, work.series, work.laws,
             ahead,

@@ -296,6 +296,7 @@ def begin_laws_vectors(
 def end_laws_vectors(
     nx: int,
     ne: int,
+    ns: int,
     nm: int,
     rates: Table,
     mean: Table,
@@ -306,7 +307,8 @@ def end_laws_vectors(
 ) -> None:
     """Fill excess forces (ne,) and their slopes in deflection and rate from the parts of laws.
 
-    A damper in series with a stiffness has its force among the states.
+    The forces of dampers in series with a stiffness (ns, which is 0 or ne) and behind them those of
+    friction (the others of nm) are among the states.
     """
     rates, mean, parts = rates.shaped(ne, 2), mean.shaped(nx + ne + nm), parts.shaped(ne, LAW_PARTS)
     force, stiffness, damping = force.shaped(ne), stiffness.shaped(ne), damping.shaped(ne)
@@ -316,8 +318,10 @@ def end_laws_vectors(
             parts[e, n] for n in range(LAW_PARTS)
         )
         linear, by_rate = c * v * (damper - 1.0), c * (damper - 1.0 + v * bend)
-        if nm:
+        if ns:
             linear, by_rate = mean[nx + ne + e] - c * v, -c
+        if nm > ns:
+            linear = linear + mean[nx + ne + ns + e]
         force[e] = added[0] - k * deflection * (spring - 1.0) - linear
         stiffness[e] = added[1] - k * (spring - 1.0 + deflection * curvature)
         damping[e] = added[2] - by_rate
@@ -367,7 +371,7 @@ def end_forces_vectors(
 def _force_slopes(
     e: int, damping: Vector, stiffness: Vector, delay: Vector, by: Table, own: list[int]
 ) -> dict[int, Vector]:
-    """Slopes of an excess force in the states, but −1 in the force of a damper in series."""
+    """Slopes of an excess force in the states, but −1 in forces that are states themselves."""
     out = {b: damping * by[e, b] for b in own}
     out[2 * e] = out[2 * e] + stiffness
     out[2 * e + 1] = out[2 * e + 1] + delay * stiffness
@@ -425,22 +429,23 @@ def linearise_vectors(
         for b in range(coupled):
             pairs = ((W[0, a, e], first[e][b]) for e in range(ne) if b in first[e])
             total = plus(base[a, b], pairs)
-            early[a, b] = total - W[0, a, b - nf] if nf <= b < rows else total
-    for e in range(nm):
+            early[a, b] = total - W[0, a, (b - nf) % ne] if nf <= b < rows else total
+    for m in range(nm):
+        e = m % ne
         for b in range(coupled):
             total = products((by[e, a], early[a, b]) for a in range(nf))
-            total = (total + by[e, b] if b >= rows else total) * series[2, e]
+            total = (total + by[e, b] if b >= rows else total) * series[2, m]
             if b in own:
-                total = total + series[1, e] * by[e, b]
-            early[nf + e, b] = total + series[0, e] if b == nf + e else total
-            carry[nf + e, b] = early[nf + e, b]
+                total = total + series[1, m] * by[e, b]
+            early[nf + m, b] = total + series[0, m] if b == nf + m else total
+            carry[nf + m, b] = early[nf + m, b]
     for b in range(coupled):
         change = []
         for e in range(ne):
             last = slopes(1, e)
             total = products((last[a], early[a, b]) for a in range(nf))
-            if nm:
-                total = total - early[nf + e, b]
+            for m in range(e, nm, ne):
+                total = total - early[nf + m, b]
             if b >= rows:
                 total = total + last[b]
             if b in first[e]:
@@ -448,7 +453,7 @@ def linearise_vectors(
             change.append(total)
         for a in range(nf):
             total = plus(early[a, b], ((W[1, a, e], change[e]) for e in range(ne)))
-            carry[a, b] = total + W[1, a, b - nf] if nf <= b < rows else total
+            carry[a, b] = total + W[1, a, (b - nf) % ne] if nf <= b < rows else total
 
 
 @emitted
@@ -481,10 +486,10 @@ def feedback_vectors(
     ]
     for b in range(nf):
         change = [last[e][b] for e in range(ne)]
-        for e in range(nm):
-            at_damper = by[e, b] * series[2, e]
-            feedback[nf + e, b] = at_damper
-            change[e] = change[e] - at_damper
+        for m in range(nm):
+            at_end = by[m % ne, b] * series[2, m]
+            feedback[nf + m, b] = at_end
+            change[m % ne] = change[m % ne] - at_end
         for a in range(nf):
             total = products((W[1, a, e], change[e]) for e in range(ne))
             feedback[a, b] = total + 1.0 if a == b else total

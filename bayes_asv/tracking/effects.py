@@ -19,7 +19,7 @@ from scipy.special import ndtri
 from scipy.stats import truncnorm
 
 from bayes_asv.domain.errors import InputError
-from bayes_asv.filters.force_laws import SERIES_STIFFNESS, table_of_laws
+from bayes_asv.filters.force_laws import table_of_laws
 from bayes_asv.filters.ukf_state import GRID, LawTable
 from bayes_asv.models.car_model import CarModel
 from bayes_asv.models.effects import Parameter, PlacedEffect, Scale
@@ -125,7 +125,7 @@ def check_trackable(
                 "cannot be tracked: undoing it needs readings before and after the one at hand",
                 _FIX,
             )
-        if effect.code == SERIES_STIFFNESS:
+        if all(parameter.memory for parameter in effect.parameters):
             raise InputError(
                 where, "cannot be tracked: its force has a state of its own in each damper", _FIX
             )
@@ -149,13 +149,14 @@ def check_trackable(
 def effect_parameters(
     car: CarModel, placed_effects: Sequence[PlacedEffect]
 ) -> tuple[EffectParameter, ...]:
-    """List the parameters of effects, those of force laws first."""
+    """List the parameters of effects that are tracked, those of force laws first."""
     scale = effect_scale(car)
     order = sorted(placed_effects, key=lambda placed: placed.effect.acts != "suspension")
     return tuple(
         EffectParameter(placed, one, one.size(scale), _of_fraction(car, placed))
         for placed in order
         for one in placed.effect.parameters
+        if not one.memory
     )
 
 
@@ -197,7 +198,8 @@ def law_table(
     placed_effects = dict.fromkeys(e.placed for e in effects if e.placed.effect.code >= 0)
     for placed in placed_effects:
         of_placed = [(k, e) for k, e in enumerate(effects) if e.placed == placed]
-        centre = {e.parameter.name: float(e.values(np.zeros(1))[0]) for _, e in of_placed}
+        centre = {one.name: one.centre for one in placed.effect.parameters if one.memory}
+        centre |= {e.parameter.name: float(e.values(np.zeros(1))[0]) for _, e in of_placed}
         packed = _packed(placed, centre)
         varying = []
         for k, e in of_placed:

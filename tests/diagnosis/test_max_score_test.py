@@ -168,7 +168,7 @@ def test_a_pulse_between_two_steps_keeps_most_of_its_information() -> None:
 def test_at_both_axles_a_force_law_acts_twice_and_a_pulse_in_halves() -> None:
     car = car_model("half", case("null/bump~baja", 5, 0).vehicle)
     friction = PlacedEffect(EFFECTS["coulomb_friction"], "both")
-    table = law_table(car, {friction: {"force": 3.0, "slip": 0.01}}, 0)
+    table = law_table(car, {friction: {"force": 3.0, "slip": 0.01, "presliding": 2e-4}}, 0)
     assert table[:, 0].tolist() == [0.0, 1.0]
     assert table[:, 2].tolist() == [3.0, 3.0]
     pulse = PlacedEffect(EFFECTS["external_force"], "both", 0)

@@ -66,6 +66,8 @@ class Parameter:
         Unit of ``centre``, ``prior_scale`` and ``initial_values``, see :class:`Scale`; SI if empty.
     shape : bool
         Whether it determines only the shape of a law, and is not reported.
+    memory : bool
+        Whether it determines only how a force depends on the past, which ``track`` neglects.
     form_spread : float
         Standard deviation of the logarithm of the parameter (of a ratio: of its logarithm) over the
         formulas that nature may have chosen instead of the effect's; ``benchmarks/law_forms.py``
@@ -80,6 +82,7 @@ class Parameter:
     initial_values: tuple[float, ...]
     prior_unit: str = ""
     shape: bool = False
+    memory: bool = False
     form_spread: float = 0.0
 
     def size(self, scale: Scale) -> float:

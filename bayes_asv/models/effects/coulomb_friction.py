@@ -1,4 +1,10 @@
-"""Dry friction: F = −force δ̇/√(δ̇² + s²), where s is the speed at which it begins to slip."""
+"""Dry friction, which gives before it slips: a force m on the body against δ̇, with memory.
+
+ṁ = (force δ̇ − w m)/presliding with w = √(δ̇² + slip²).  In steady motion m is force δ̇/w.  Where δ̇
+is far above ``slip`` this is the law of Dahl (1968, Aerospace TOR-0158(3107-18)-1): at first an
+elastic force of stiffness force/presliding, as bushings, seals and leaf springs have it, and
+sliding friction after a few times that displacement.
+"""
 
 from __future__ import annotations
 
@@ -13,7 +19,7 @@ __all__ = ["EFFECT"]
 
 
 def _packed(values: Mapping[str, float]) -> tuple[float, ...]:
-    return values["force"], values["slip"]
+    return values["force"], values["slip"], values["presliding"]
 
 
 def _force(
@@ -30,8 +36,9 @@ EFFECT = Effect(
     parameters=(
         Parameter("force", "N", "positive", 0.0, 0.06, (0.005, 0.03), "load", form_spread=0.056),
         Parameter("slip", "m/s", "log", 0.01, 0.45, (0.01,), shape=True),
+        Parameter("presliding", "m", "log", 3e-5, 2.0, (3e-5,), shape=True, memory=True),
     ),
-    tolerance_values={"force": 0.0015, "slip": 0.01},
+    tolerance_values={"force": 0.0015, "slip": 0.01, "presliding": 3e-5},
     one_sided=True,
     code=COULOMB,
     packed=_packed,

@@ -32,7 +32,7 @@ EFFECT = Effect(
     acts="suspension",
     allowed_places=(*AXLES, BOTH),
     parameters=(
-        Parameter("stiffness", "N/m", "log", 12.0, 1.0, (5.0, 15.0, 50.0), prior_unit="spring"),
+        Parameter("stiffness", "N/m", "log", 12.0, 1.0, (5.0, 15.0, 50.0), "spring", memory=True),
     ),
     tolerance_values={"stiffness": 500.0},  # 9 MN/m on the Baja car
     tolerance_ratio=_compliance_ratio,
