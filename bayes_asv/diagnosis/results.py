@@ -7,6 +7,7 @@ from dataclasses import dataclass
 
 import numpy as np
 from numpy.typing import NDArray
+from scipy.special import expit
 
 from bayes_asv.analysis.damping_rates import DampingRates
 from bayes_asv.analysis.spring_curves import SpringCurve
@@ -17,8 +18,9 @@ from bayes_asv.diagnosis.model_comparison import ExtendedModel
 from bayes_asv.diagnosis.simulation_error import ErrorChange
 from bayes_asv.diagnosis.thresholds import (
     CLEARLY_WORSE,
+    MIN_PROBABILITY,
     RELIABILITY_BESIDE_FAULT,
-    RELIABILITY_WITH_ALTERNATIVE,
+    RELIABILITY_WITHOUT_ALTERNATIVE,
 )
 from bayes_asv.domain.vehicle import Vehicle
 from bayes_asv.models.effects import PlacedEffect
@@ -159,14 +161,21 @@ class DiagnosisResult:
 
     @property
     def reliability(self) -> float:
-        """Factor on probabilities if something unexplained may be the true cause."""
+        """Factor on probabilities if something unexplained may be the true cause.
+
+        The probability of the named effects against an unlisted fault in their place, but no less
+        than the least that is named, since evidences have errors; and less if something unexplained
+        was detected.
+        """
         if self.unexplained is None or not self.unexplained.present:
             return 1.0
         alternative = self.unexplained.alternative  # −∞ if none was compared
-        clearly_worse = math.isfinite(alternative) and alternative < -CLEARLY_WORSE
-        if self.unexplained.detected and not clearly_worse:
-            return RELIABILITY_BESIDE_FAULT
-        return RELIABILITY_WITH_ALTERNATIVE
+        probability = max(float(expit(-alternative)), MIN_PROBABILITY)
+        if not self.unexplained.detected:
+            return probability
+        if math.isfinite(alternative) and alternative < -CLEARLY_WORSE:
+            return RELIABILITY_WITHOUT_ALTERNATIVE * probability
+        return RELIABILITY_BESIDE_FAULT * probability
 
     def probability_of(self, cause: NamedEffect | Engine) -> float:
         """Probability that a cause is present, in view of what remains unexplained."""

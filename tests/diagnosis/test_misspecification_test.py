@@ -34,15 +34,20 @@ def test_named_effects_count_in_full_when_nothing_is_unexplained() -> None:
 
 def test_a_name_that_no_unlisted_fault_replaces_is_reliable_beside_one() -> None:
     left = replace(NOTHING, p_unlisted=1e-4)
-    assert _reliability(replace(left, alternative=-1e5)) == pytest.approx(0.9)
+    assert _reliability(replace(left, alternative=-1e5)) > 0.5
     assert _reliability(replace(left, alternative=-5.0)) < 0.5
 
 
-def test_an_alternative_lowers_reliability_less_than_a_detected_fault() -> None:
-    with_alternative = replace(NOTHING, alternative=-1.0)
+@pytest.mark.parametrize("behind", [3.0, 1.0, 0.0, -1.0])
+def test_odds_against_an_unlisted_fault_lower_the_probability_of_a_name(behind: float) -> None:
+    with_alternative = replace(NOTHING, alternative=-behind)
     assert with_alternative.present
     assert not with_alternative.detected
-    assert _reliability(with_alternative) == pytest.approx(0.9)
+    assert _reliability(with_alternative) == pytest.approx(1.0 / (1.0 + np.exp(-behind)))
+
+
+def test_a_name_is_not_lost_to_an_unlisted_fault_that_explains_more() -> None:
+    assert 0.05 < _reliability(replace(NOTHING, alternative=1e5)) < 0.2
 
 
 @pytest.mark.parametrize(

@@ -36,9 +36,9 @@ EFFECT = Effect(
     parameters=(
         Parameter("force", "N", "positive", 0.0, 0.06, (0.005, 0.03), "load", form_spread=0.056),
         Parameter("slip", "m/s", "log", 0.01, 0.45, (0.01,), shape=True),
-        Parameter("presliding", "m", "log", 3e-5, 2.0, (3e-5,), shape=True, memory=True),
+        Parameter("presliding", "m", "log", 1e-4, 2.0, (1e-4,), shape=True, memory=True),
     ),
-    tolerance_values={"force": 0.0015, "slip": 0.01, "presliding": 3e-5},
+    tolerance_values={"force": 0.0015, "slip": 0.01, "presliding": 1e-4},
     one_sided=True,
     code=COULOMB,
     packed=_packed,
