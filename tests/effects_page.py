@@ -48,8 +48,8 @@ $d=\tfrac12\big(e+\sqrt{e^2+w^2}\big)$ minus its value at rest, and $e=\delta-\t
 extension beyond the gap.""",
     "damper_fade": r"""$F=-k\delta-c\,\dot\delta\,\big(1-\text{loss}\,\frac{1-e^{-bs}}{1-e^{-b}}\big)$ with $s$ the
 elapsed fraction of the run; $c$ is the rate at its start.""",
-    "external_force": r"""A force on the chassis at an axle, upward positive, that acts in one run only. It
-rises and falls within `rise` each, as $3s^2-2s^3$.""",
+    "external_force": r"""A force on the chassis at an axle, upward positive, that acts in one run only; at both
+axles half of it acts at each. It rises and falls within `rise` each, as $3s^2-2s^3$.""",
     "spring_rate": r"""$F=-\text{factor}\cdot k\,\delta-c\,\dot\delta$ with $k$ the given rate. The linear
 car varies $k$ within its given standard deviation; the effect is named beyond about three of them.""",
     "weight_distribution": r"""The front weight fraction is $\text{factor}\cdot w$ with $w$ as given. The

@@ -32,7 +32,7 @@ SIGNATURES = {
     "spring_rate": "The period of the oscillation is wrong, while its decay is right. Only beyond three given standard deviations is it called an effect; within them it is uncertainty.",
     "weight_distribution": "The two axles share the response wrongly: one end of the body moves too much and the other too little.",
     "sensor_gain": "One channel is too large by the same factor everywhere. A gain of a wheel sensor is hard to tell from one of the chassis sensor above it, with the opposite sign.",
-    "sensor_lag": "One channel follows the simulation by a constant time; steep edges show it most. It looks like too much or too little damping: an undeclared delay of 8 ms moves both rates by a tenth or more.",
+    "sensor_lag": "One channel is ahead of the simulation or behind it by a constant time; steep edges show it most. It looks like too much or too little damping: an undeclared delay of 8 ms moves both rates by a tenth or more.",
     "clock_offset": "All channels of one logger are late together, by a time of its own in each run. Declare the second logger's clock, and the offset is estimated ([vehicle file](vehicle.md#clocks-optional)).",
     "sensor_bandwidth": "One channel is smoother than the simulation, and its peaks come a little late. Slow motion is right.",
     "sensor_drift": "The reading wanders off, also where the car stands. A long run shows it; damping rates hardly change.",

@@ -13,29 +13,34 @@ import pytest
 
 from benchmarks.blind import __main__ as command
 from benchmarks.blind.simulator import CELLS, make
+from benchmarks.blind.simulator.blueprint import Outcome
 from benchmarks.blind.simulator.cars import FAMILIES, GRAVITY, Car, draw_car
 from benchmarks.blind.simulator.cases import SEED, _draw_faults
-from benchmarks.blind.simulator.kinds import CHANNELS
+from benchmarks.blind.simulator.disguise import left_by_each
+from benchmarks.blind.simulator.kinds import CHANNELS, UnreachableError
+from benchmarks.blind.simulator.listed import LISTED_FORMS, listed_fault
+from benchmarks.blind.simulator.pulses import PULSES, page_pulse
 from benchmarks.blind.simulator.scene import Scene, Wish, draw_scene
+from benchmarks.blind.simulator.sensors import Motion, Sensing, Sensor, pure_rows
 from benchmarks.blind.simulator.signals import LinearSystem, filtered, interpolated
 from benchmarks.blind.simulator.simulate import Drive, integrate
-from benchmarks.blind.simulator.sizing import UnreachableError, build, sized
+from benchmarks.blind.simulator.sizing import build, sized
 from benchmarks.blind.simulator.strength import half_car
 from benchmarks.blind.simulator.suspension import FORMS, suspension_fault
 
 
 @cache
-def _scene(seed: int, fine: float = 4400.0, roads: tuple[str, ...] = ()) -> Scene:
+def _scene(seed: int, fine: float = 2600.0, roads: tuple[str, ...] = ()) -> Scene:
     return draw_scene(np.random.default_rng(seed), Wish(roads, fine=fine))
 
 
 def _car() -> Car:
-    return draw_car(FAMILIES["quadricycle"], np.random.default_rng(5))
+    return draw_car(FAMILIES["golf cart"], np.random.default_rng(5))
 
 
 def _flat(step: float, count: int) -> Drive:
     still = np.zeros((2 * count - 1, 2))
-    return Drive(0.0, step, step * (count - 1), 1.0, still, still, still)
+    return Drive(0.0, step, step * (count - 1), 1.0, still, still)
 
 
 class _Tug:
@@ -75,7 +80,7 @@ def test_wheels_that_hang_fall_freely() -> None:
     drive = _flat(step, 2001)
     height = drive.height.copy()
     height[400:] = -0.5
-    drop = Drive(0.0, step, drive.length, 1.0, height, drive.rate, drive.slope)
+    drop = Drive(0.0, step, drive.length, 1.0, height, drive.rate)
     history = integrate(car, [drop], np.zeros(1, int))
     first = history.flow[205, :, 0]
     load = GRAVITY * car.m * car.wdf
@@ -85,14 +90,15 @@ def test_wheels_that_hang_fall_freely() -> None:
 @pytest.mark.parametrize(
     ("name", "form", "size"),
     [
-        ("coulomb_friction", "LuGre", 0.006),
-        ("bump_stop", "Hunt-Crossley", 0.08),
+        ("coulomb_friction", "Bouc-Wen", 0.006),
+        ("bump_stop", "pad with dashpot", 0.08),
+        ("damper_hysteresis", "aerated oil", 0.0008),
     ],
 )
 def test_finer_steps_change_nothing(name: str, form: str, size: float) -> None:
-    """Steps 1.8 times as fine, whose error is some ten times less."""
+    """Steps 2.5 times as fine, whose error is some forty times less."""
     rows, noise = [], np.zeros(4)
-    for fine in (4400.0, 8000.0):
+    for fine in (2600.0, 6500.0):
         scene = _scene(31, fine)
         part = suspension_fault(name, scene, "front", form, np.random.default_rng(1))
         built = build(scene, [(part, size)])
@@ -142,14 +148,71 @@ def test_filters_and_interpolation_are_exact_enough() -> None:
     )
 
 
+def test_late_channels_read_what_comes_later() -> None:
+    """A positive lag is a later sample: the reading is ahead of its stamp."""
+    step = 1.0 / 4000.0
+    t = step * np.arange(8000)
+    wave = np.sin(2.0 * np.pi * 3.0 * t)
+    motion = Motion(0.0, step, dict.fromkeys(CHANNELS, wave))
+    sensors = {c: Sensor(0.1, 0.01, 20.0, None, 0.0) for c in CHANNELS}
+    late = Sensing(late={"rear_chassis": lambda times, run: np.full(len(times), 0.004)})
+    at = np.arange(0.2, 1.6, 0.005)
+    rows = pure_rows(motion, at, 0, sensors, [late])
+    np.testing.assert_allclose(rows[:, 3], np.sin(2.0 * np.pi * 3.0 * (at + 0.004)), atol=1e-6)
+    np.testing.assert_allclose(rows[:, 1], np.sin(2.0 * np.pi * 3.0 * at), atol=1e-6)
+
+
+@pytest.mark.parametrize("form", LISTED_FORMS["sensor_lag"])
+def test_lags_are_those_of_slow_signals(form: str) -> None:
+    """A slow signal comes as late or early as the span says."""
+    scene = _scene(31)
+    part = listed_fault("sensor_lag", scene, "front_wheel", form, np.random.default_rng(2))
+    assert part.sensing is not None
+    low, high = part.spans(Outcome(0.004, ())).parameters["lag"]
+    step = 1.0 / 2600.0
+    t = step * np.arange(8000)
+    wave = np.sin(2.0 * np.pi * 2.0 * t)
+    motion = Motion(0.0, step, dict.fromkeys(CHANNELS, wave))
+    pick = (scene.times[0] > 0.8) & (scene.times[0] < 1.8)
+    at = scene.times[0][pick]
+    rows = pure_rows(motion, scene.times[0], 0, scene.declared.sensors, [part.sensing(0.004)])
+    plain = pure_rows(motion, scene.times[0], 0, scene.declared.sensors)
+    turn = np.stack([np.cos(4.0 * np.pi * at), np.sin(4.0 * np.pi * at)], 1)
+    angle = [np.arctan2(*np.linalg.lstsq(turn, x[pick, 0])[0]) for x in (rows, plain)]
+    lag = float(angle[0] - angle[1]) / (4.0 * np.pi)
+    assert low - 2e-4 < lag < high + 2e-4
+
+
+@pytest.mark.parametrize("form", sorted(PULSES))
+def test_pushes_start_at_half_of_their_amplitude(form: str) -> None:
+    """Start and duration of the page's pulse are near the times of half the peak."""
+    u = np.linspace(-0.5, 1.5, 4001)
+    high = u[PULSES[form](u) > 0.5 * np.max(PULSES[form](u))]
+    found = page_pulse(PULSES[form], 2.0, 0.5)
+    assert found["start"] == pytest.approx([2.0 + 0.5 * high[0]] * 3, abs=0.05)
+    assert found["duration"] == pytest.approx([0.5 * (high[-1] - high[0])] * 3, abs=0.06)
+    assert found["force"] == pytest.approx([1.0] * 3, abs=0.3)
+
+
+@pytest.mark.parametrize(
+    ("name", "size"), [("digressive_damper", 1.0), ("bound_rebound", 0.2), ("damper_fade", 0.2)]
+)
+def test_listed_effects_do_not_pass_for_unlisted(name: str, size: float) -> None:
+    """The page's own effect, at its place, leaves the least of a listed fault, and little."""
+    scene = _scene(31)
+    part = suspension_fault(name, scene, "rear", FORMS[name][0], np.random.default_rng(1))
+    built = build(scene, [(part, size)])
+    best = left_by_each(scene, built)
+    named = {"damper_curve", "spring_curve", name}
+    assert best[0].effect in named
+    own = min(one.left for one in best if one.effect == name and one.where == "rear")
+    assert own - scene.yardstick.base < 0.15 * built.strength + 5.0
+
+
 def test_simulator_and_linear_car_agree_without_faults() -> None:
     """What the linear car leaves of noise-free readings is far below their noise."""
     for seed in (1, 2, 3):
-        scene = _scene(seed)
-        stick = scene.yardstick
-        inputs = [run.inputs(y) for run, y in zip(stick.runs, scene.base[:2], strict=True)]
-        misfit = stick._misfit(np.zeros(7), inputs, scene.base[:2])
-        assert float(misfit @ misfit) < 0.2
+        assert _scene(seed).yardstick.floor < 0.2
 
 
 def test_null_residuals_are_the_noise() -> None:
@@ -174,24 +237,17 @@ def test_noise_factor_is_seen() -> None:
     assert scene.yardstick.distance(rows) / count == pytest.approx(1.44, abs=0.12)
 
 
-@pytest.mark.parametrize("name", ["bound_rebound"])
-def test_strengths_hit_their_target(name: str) -> None:
+def test_strengths_hit_their_target() -> None:
     """The size that is found has a strength in the range wanted."""
-    rng = np.random.default_rng(8)
-    for _ in range(6):
-        scene = draw_scene(rng, Wish(lively=True))
-        part = suspension_fault(name, scene, "rear", FORMS[name][0], rng)
-        try:
-            found = sized(scene, part, (295.0, 305.0 * 1.6), rng)
-        except UnreachableError:
-            continue
-        assert 270.0 < found.built.strength < 530.0
-        return
-    pytest.fail("no scene reached the target")
+    scene, rng = _scene(31), np.random.default_rng(8)
+    name = "bound_rebound"
+    part = suspension_fault(name, scene, "rear", FORMS[name][0], rng)
+    found = sized(scene, part, (295.0, 480.0), rng)
+    assert 270.0 < found.built.strength < 530.0
 
 
 @pytest.mark.parametrize(
-    ("cell", "number"), [("null", 7), ("single:sensor_lag", 1), ("outside:stuck_bit", 2)]
+    ("cell", "number"), [("null", 7), ("single:sensor_lag", 3), ("outside:ac_coupling", 0)]
 )
 def test_cases_are_reproducible_and_well_formed(cell: str, number: int) -> None:
     """The same cell and number give the same case; its parts fit together."""
@@ -203,7 +259,7 @@ def test_cases_are_reproducible_and_well_formed(cell: str, number: int) -> None:
             np.testing.assert_array_equal(first.channels[channel], second.channels[channel])
             assert np.all(np.isfinite(first.channels[channel]))
             assert len(first.channels[channel]) == len(first.time)
-        assert 2.0 <= first.time[-1] <= 4.0
+        assert 2.0 <= first.time[-1] <= 5.0
     assert len(one.runs) == 2
     assert len(one.held_out) == 1
     assert one.truth.road != one.truth.held_out_road
@@ -216,7 +272,7 @@ def test_different_cases_differ() -> None:
 
 def test_vehicle_file_has_what_the_page_asks_for() -> None:
     """All keys are there, and filters where the fault needs them."""
-    text = tomllib.loads(make("single:sensor_bandwidth", 0).vehicle_toml)
+    text = tomllib.loads(make("single:sensor_bandwidth", 3).vehicle_toml)
     assert set(text["known"]) == {
         "sprung_mass",
         "wheelbase",
@@ -238,15 +294,15 @@ def test_recordings_are_those_of_cars() -> None:
             for channel, reading in run.channels.items():
                 peak = float(np.max(np.abs(reading)))
                 assert peak < limits[channel]["range"]["value"] * GRAVITY
-                assert 0.5 < peak < 65.0
+                assert 0.3 < peak < 65.0
 
 
 def test_truth_of_a_fault_lies_in_its_spans() -> None:
     """The strength in the truth is that of the case, and spans are ordered."""
-    case = make("single:sensor_gain", 1)
-    rng = np.random.default_rng([SEED, zlib.crc32(b"single:sensor_gain"), 1, 0])
+    case = make("single:sensor_gain", 7)
+    rng = np.random.default_rng([SEED, zlib.crc32(b"single:sensor_gain"), 7, 0])
     try:
-        _, _, built, _ = _draw_faults("single:sensor_gain", 1, rng)
+        _, _, built, _ = _draw_faults("single:sensor_gain", 7, rng)
         assert built.strength == pytest.approx(case.truth.strength)
     except UnreachableError:
         pass
@@ -257,9 +313,9 @@ def test_truth_of_a_fault_lies_in_its_spans() -> None:
 
 
 def test_cells_are_complete() -> None:
-    """The brief asks for these cells."""
+    """The set has these cells."""
     assert CELLS["null"] == 600
-    assert sum(name.startswith("outside:") for name in CELLS) >= 12
+    assert sum(name.startswith("outside:") for name in CELLS) >= 24
     assert sum(name.startswith("single:") for name in CELLS) == 17
     assert isinstance(
         LinearSystem(-np.eye(1), np.eye(1), np.eye(1), np.zeros((1, 1))), LinearSystem

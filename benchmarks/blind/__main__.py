@@ -13,7 +13,7 @@ from bayes_asv.domain.errors import InputError
 from bayes_asv.library.progress import progress_bar
 from benchmarks.battery.json_lines import append
 from benchmarks.battery.parallel import run_parallel
-from benchmarks.battery.run import LOOSE, Result, load
+from benchmarks.battery.run import LOOSE, Result, drop, load
 from benchmarks.blind.cases import in_turn
 from benchmarks.blind.page import write_page
 from benchmarks.blind.run import diagnosed
@@ -46,6 +46,7 @@ def main(arguments: list[str] | None = None) -> int:
         if given.cells is None or any(name.startswith(x) for x in given.cells)
     }
     told = about(SEED)
+    drop(given.out, [one.name for one in load(given.out).values() if one.about.seed != SEED])
     done_before = load(given.out)
     wanted = [key for key in in_turn(cells, given.runs) if key not in done_before]
     try:

@@ -112,9 +112,12 @@ def test_a_score_is_of_the_predictions_and_not_of_their_variances(car: Vehicle) 
 
 
 def test_scores_are_unbiased_without_a_fault() -> None:
-    """8 drives, seed 7: springs and friction; a bias makes their mean 0.9."""
+    """24 drives, seed 7: springs and friction; a bias makes their mean 0.9.
+
+    Scores of one drive go together: with 8 drives their mean square is 1.0 or 1.5 by chance.
+    """
     scores = []
-    for number in range(8):
+    for number in range(24):
         one = battery_case(f"null/{('bump', 'stops')[number % 2]}", 7, number)
         dataset, model = fit_linear(prepared(one.recordings, one.vehicle))
         tested = [
@@ -124,9 +127,9 @@ def test_scores_are_unbiased_without_a_fault() -> None:
         ]
         test = score_test(denoised_model(*fit_denoised(dataset, model)), tested)
         scores += test.standardized_scores.tolist()
-    assert len(scores) >= 40
+    assert len(scores) >= 120
     assert abs(np.mean(scores)) < 0.4
-    assert np.mean(np.square(scores)) < 1.5
+    assert np.mean(np.square(scores)) < 1.4
 
 
 @cache

@@ -21,6 +21,7 @@ __all__ = [
     "Run",
     "Span",
     "Truth",
+    "UnreachableError",
     "Vector",
     "Whole",
     "rows_of",
@@ -33,6 +34,10 @@ Span = tuple[float, float]
 
 AXLES = ("front", "rear")
 CHANNELS = ("front_wheel", "front_chassis", "rear_wheel", "rear_chassis")
+
+
+class UnreachableError(Exception):
+    """A scene in which what is wanted cannot be shown; another one is drawn."""
 
 
 def rows_of(where: str) -> slice:

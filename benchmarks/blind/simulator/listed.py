@@ -9,24 +9,30 @@ import numpy as np
 from .blueprint import Blueprint, Outcome, Spans, hull, point
 from .declared import Declared
 from .forces import Pushed
-from .kinds import AXLES, CHANNELS, Span, Vector, Whole, rows_of
+from .kinds import AXLES, CHANNELS, Vector, Whole, rows_of
+from .memories import Seat
 from .pulses import PULSES, page_pulse
 from .scene import Scene
 from .sensors import Motion, Sensing
-from .simulate import Mechanism, Now
+from .simulate import Mechanism
+from .spans import SPRING, fitted, records
 
 __all__ = ["LISTED_FORMS", "listed_fault"]
 
 LISTED_FORMS: dict[str, tuple[str, ...]] = {
     "external_force": tuple(PULSES),
-    "spring_rate": ("typing mistake", "parasitic bushings", "cracked leaf"),
-    "weight_distribution": ("typing mistake", "luggage moved", "ballast added"),
-    "sensor_gain": ("scale", "uneven halves", "curved scale"),
-    "sensor_lag": ("pure delay", "sinc³ decimation", "Bessel filter"),
-    "clock_offset": ("constant", "constant and drifting", "varying between runs"),
-    "sensor_bandwidth": ("one pole", "second pole", "Sallen-Key"),
-    "sensor_drift": ("linear", "warming up", "parabola"),
-    "engine_vibration": ("one order", "two orders", "hunting idle"),
+    "spring_rate": ("motion ratio not squared", "seat in series", "warm air bellows"),
+    "weight_distribution": (
+        "scales on a slope",
+        "front scale reads wrong",
+        "driver sits elsewhere",
+    ),
+    "sensor_gain": ("rippling reference", "sagging reference", "cubic bow"),
+    "sensor_lag": ("mean of a block", "fourth-order Butterworth", "late with jitter"),
+    "clock_offset": ("own start each run", "fast crystal", "beating ticks"),
+    "sensor_bandwidth": ("absorbing capacitor", "resistive capacitor", "warming corner"),
+    "sensor_drift": ("logarithmic creep", "root of time", "run-away"),
+    "engine_vibration": ("slider crank", "firing pulses", "swelling tone"),
 }
 
 
@@ -34,8 +40,8 @@ def _external_force(scene: Scene, where: str, form: str, rng: np.random.Generato
     run, sign = int(rng.integers(2)), float(rng.choice([-1.0, 1.0]))
     shape = PULSES[form]
     drive = scene.drives[run]
-    length = float(rng.uniform(0.15, 0.5))
-    start = float(rng.uniform(0.25, 0.6)) * (drive.length - length)
+    length = float(rng.uniform(0.25, 0.8))
+    start = float(rng.uniform(0.25, 0.7)) * (drive.length - length)
     rows, load = rows_of(where), scene.car.mean_load
     curve = sign * load * shape((drive.half_times - start) / length)
 
@@ -46,7 +52,8 @@ def _external_force(scene: Scene, where: str, form: str, rng: np.random.Generato
 
     def spans(outcome: Outcome) -> Spans:
         found = page_pulse(shape, start, length)
-        force = hull(*(sign * load * outcome.size * x for x in found["force"]))
+        total = sign * load * outcome.size * (2 if where == "both" else 1)
+        force = hull(*(total * x for x in found["force"]))
         return Spans(
             {"force": force, "start": hull(*found["start"]), "duration": hull(*found["duration"])}
         )
@@ -57,142 +64,145 @@ def _external_force(scene: Scene, where: str, form: str, rng: np.random.Generato
 def _spring_rate(scene: Scene, where: str, form: str, rng: np.random.Generator) -> Blueprint:
     rows, axle = rows_of(where), AXLES.index(where)
     k, given = scene.car.k[axle], scene.declared.k[axle]
-    sign = {"parasitic bushings": 1.0, "cracked leaf": -1.0}.get(form, 0.0)
-    sign = sign or float(rng.choice([-1.0, 1.0]))
-    if form == "typing mistake":
+    # which of the two an owner forgets: the square of the ratio, or that the spring is inboard
+    sign = 1.0 if rng.random() < 0.5 else -1.0
 
-        def written(size: float) -> Declared:
-            factor = float(np.exp(-sign * size)) * k / given
-            return scene.declared.changed(**{f"k_{where[0]}": factor}).rounded()
+    def written(size: float) -> Declared:
+        factor = (1.0 + size) ** sign * k / given
+        return scene.declared.changed(**{f"k_{where[0]}": factor}).rounded()
 
-        def spans_written(outcome: Outcome) -> Spans:
-            return Spans({"factor": point(k / written(outcome.size).k[axle])})
+    def spans_written(outcome: Outcome) -> Spans:
+        return Spans({"factor": point(k / written(outcome.size).k[axle])})
 
+    if form == "motion ratio not squared":
         return Blueprint(
-            "spring_rate", where, form, (0.02, 0.9), declare=written, spans=spans_written
+            "spring_rate", where, form, (0.02, 1.2), declare=written, spans=spans_written
         )
 
-    lazy = 0.15 if form == "parasitic bushings" else 0.0
-    most = 0.9 if sign > 0 else 0.5
+    series = form == "seat in series"
+    relaxes = 0.0 if series else float(rng.uniform(2.0, 4.0))
+    lag = float(rng.uniform(0.002, 0.004))
 
     def mechanism(size: Vector, runs: Whole) -> Mechanism:
-        return _Beside(rows, k, sign * size, lazy)
+        return Seat(rows, k, size, relaxes, lag)
 
     def spans(outcome: Outcome) -> Spans:
-        whole = 1.0 + sign * outcome.size
-        rested = 1.0 + sign * outcome.size * (1.0 - lazy)
-        return Spans({"factor": hull(whole * k / given, rested * k / given)})
+        values = [1.0 / (1.0 + outcome.size) if series else 1.0 + outcome.size]
+        record = records(outcome.histories, scene.drives, [axle])
+        values += [
+            float(np.exp(x[0])) for _, x, _ in fitted(SPRING, record, scene.car, axle, False)
+        ]
+        return Spans({"factor": hull(*(x * k / given for x in values))})
 
-    return Blueprint("spring_rate", where, form, (0.02, most), mechanism=mechanism, spans=spans)
-
-
-class _Beside:
-    """A spring of share ``size`` beside the suspension's, of which ``lazy`` creeps in 0.4 s."""
-
-    def __init__(self, rows: slice, k: float, size: Vector, lazy: float) -> None:
-        self.rows, self.k, self.size, self.lazy = rows, k, size, lazy
-        self.states = 1 if lazy else 0
-
-    def act(self, now: Now) -> None:
-        """Add the force of the spring."""
-        firm = self.k * self.size
-        now.force[self.rows] -= firm * (1.0 - self.lazy) * now.delta[self.rows]
-        if self.lazy:
-            now.flow[:] = firm * self.lazy * now.rate[self.rows] - now.aux / 0.4
-            now.force[self.rows] -= now.aux
+    # air that keeps its heat is at most 1.4 times as stiff as air that does not
+    span = (0.02, 1.0 if series else 0.4)
+    return Blueprint("spring_rate", where, form, span, mechanism=mechanism, spans=spans)
 
 
 def _weight(scene: Scene, where: str, form: str, rng: np.random.Generator) -> Blueprint:
     sign = float(rng.choice([-1.0, 1.0]))
-    true, given = scene.car.wdf, scene.declared.wdf
-    more = float(rng.uniform(0.2, 1.0)) * scene.declared.sds[0] if form == "ballast added" else 0.0
+    true, car = scene.car.wdf, scene.car
+    usual = scene.declared.wdf / true
+
+    def weighed(size: float) -> float:
+        """Front weight fraction that the scales would show."""
+        if form == "scales on a slope":
+            return true + sign * size * car.height / car.wheelbase
+        if form == "front scale reads wrong":
+            front = (1.0 + sign * 0.4 * size) * true
+            return front / (front + 1.0 - true)
+        # a driver of this share of the mass, who sits a third of the wheelbase elsewhere
+        return true + sign * 0.33 * size
 
     def written(size: float) -> Declared:
-        factor = float(np.exp(-sign * size)) * true / given
-        return scene.declared.changed(wdf=factor, m=1.0 - more).rounded()
+        return scene.declared.changed(wdf=usual * weighed(size) / scene.declared.wdf).rounded()
 
     def spans(outcome: Outcome) -> Spans:
         return Spans({"factor": point(true / written(outcome.size).wdf)})
 
-    return Blueprint("weight_distribution", None, form, (0.01, 0.3), declare=written, spans=spans)
+    return Blueprint("weight_distribution", None, form, (0.02, 0.6), declare=written, spans=spans)
 
 
 def _gain(scene: Scene, where: str, form: str, rng: np.random.Generator) -> Blueprint:
-    sign = float(rng.choice([-1.0, 1.0]))
+    sign, pace = float(rng.choice([-1.0, 1.0])), float(rng.uniform(0.8, 1.6))
     peak = max(float(np.max(np.abs(rows[:, CHANNELS.index(where)]))) for rows in scene.base[:2])
-
-    def factors(size: float) -> tuple[float, float]:
-        change = sign * size
-        return (1.0 + change, 1.0 + (0.8 * change if form == "uneven halves" else change))
+    ends = [float(times[-1]) for times in scene.times]
 
     def sensing(size: float) -> Sensing:
-        up, down = factors(size)
-        bow = 0.12 * size / peak if form == "curved scale" else 0.0
-
         def mount(motion: Motion, run: int) -> Motion:
             a = motion.acceleration[where]
-            read = np.where(a > 0.0, up * a, down * a) + bow * a**2
-            return Motion(
-                motion.begin,
-                motion.step,
-                {**motion.acceleration, where: read},
-                motion.pitch,
-                motion.pitching,
-            )
+            if form == "sagging reference":
+                bent = 0.9 + 0.2 * np.clip(motion.times / ends[run], 0.0, 1.0)
+            elif form == "rippling reference":
+                bent = 1.0 + 0.12 * np.sin(2.0 * np.pi * pace * motion.times + run)
+            else:
+                bent = 1.0 - 0.12 * (a / peak) ** 2
+            return motion.reading(where, a * (1.0 + sign * size * bent))
 
         return Sensing(mount=mount)
 
     def spans(outcome: Outcome) -> Spans:
-        up, down = factors(outcome.size)
-        slack = 0.06 * outcome.size if form == "curved scale" else 0.0
-        return Spans({"factor": hull(up + slack, down + slack, up - slack, down - slack)})
+        changes = (sign * outcome.size * x for x in (0.9, 1.1))
+        return Spans({"factor": hull(*(1.0 + x for x in changes))})
 
     return Blueprint("sensor_gain", where, form, (0.001, 0.4), sensing=sensing, spans=spans)
 
 
+def _butterworth(delay: float) -> tuple[complex, ...]:
+    """Poles (rad/s) of a low-pass of fourth order with this delay at rest, s."""
+    angles = np.pi * np.array([0.625, 0.875, 1.125, 1.375])
+    poles = np.exp(1j * angles)
+    whole = -float(np.sum(np.real(1.0 / poles)))
+    return tuple(complex(p) * whole / delay for p in poles)
+
+
 def _lag(scene: Scene, where: str, form: str, rng: np.random.Generator) -> Blueprint:
     # positive: sampled later than declared; a filter makes readings of what was earlier
-    sign = 1.0 if form == "pure delay" and rng.random() < 0.6 else -1.0
-    nodes = np.linspace(-1.0, 1.0, 13)[1:-1]
-    kernel = np.maximum(1.0 - np.abs(nodes), 0.0) ** 2 * (1.0 + 2.0 * np.abs(nodes))
-    kernel = kernel / kernel.sum()
+    sign = 1.0 if form == "late with jitter" and rng.random() < 0.6 else -1.0
+    jitter = [rng.uniform(-1.0, 1.0, len(times)) for times in scene.times]
+    nodes, weights = np.polynomial.legendre.leggauss(8)
 
     def sensing(size: float) -> Sensing:
-        if form == "pure delay":
-            return Sensing(late={where: lambda t, run: np.full(len(t), sign * size)})
-        if form == "sinc³ decimation":
-            return Sensing(spread={where: (size * (1.0 + nodes), kernel)})
-        pair = (complex(-1.5, 0.866025) / size, complex(-1.5, -0.866025) / size)
-        return Sensing(poles={where: (*scene.declared.sensors[where].poles, *pair)})
+        if form == "late with jitter":
+            return Sensing(late={where: lambda t, run: size * (sign + 0.08 * jitter[run])})
+        if form == "mean of a block":
+            return Sensing(spread={where: (size * (1.0 + nodes), 0.5 * weights)})
+        own = scene.declared.sensors[where].poles
+        return Sensing(poles={where: (*own, *_butterworth(size))})
 
     def spans(outcome: Outcome) -> Spans:
         lag = sign * outcome.size
-        if form == "pure delay":
-            return Spans({"lag": point(lag)})
-        return Spans({"lag": hull(0.97 * lag, lag)})
+        if form == "fourth-order Butterworth":
+            return Spans({"lag": hull(lag, 1.06 * lag)})
+        return Spans({"lag": hull(0.985 * lag, 1.015 * lag)})
 
-    least = 0.0004 if form == "Bessel filter" else 0.00001
-    return Blueprint("sensor_lag", where, form, (least, 0.012), sensing=sensing, spans=spans)
+    least = 0.0003 if form == "fourth-order Butterworth" else 0.00001
+    return Blueprint("sensor_lag", where, form, (least, 0.008), sensing=sensing, spans=spans)
 
 
 def _clock(scene: Scene, where: str, form: str, rng: np.random.Generator) -> Blueprint:
     sign = float(rng.choice([-1.0, 1.0]))
-    group = [c for c in CHANNELS if c.endswith("chassis") or where == "front"]
-    group = [c for c in group if where == "body" or c.startswith("front")]
-    drift = float(rng.uniform(2e-5, 6e-5)) if form == "constant and drifting" else 0.0
-    between = np.array([1.0, 1.0, 1.0])
-    if form == "varying between runs":
-        between = np.array([1.0, float(rng.uniform(0.93, 1.07)), float(rng.uniform(0.9, 1.1))])
+    group = [c for c in CHANNELS if where in c or (where == "body" and c.endswith("chassis"))]
+    drift = float(rng.choice([-1.0, 1.0]) * rng.uniform(6e-5, 11e-5))
+    drift = drift if form == "fast crystal" else 0.0
+    between, beat = np.ones(3), float(rng.uniform(1.5, 4.0))
+    if form == "own start each run":
+        between = np.array([1.0, *rng.uniform(0.78, 1.22, 2)])
 
     def sensing(size: float) -> Sensing:
         def late(times: Vector, run: int) -> Vector:
-            return np.asarray(sign * size * between[run] + drift * times)
+            offset = sign * size * between[run] + drift * times
+            if form == "beating ticks":
+                offset = offset + 0.12 * size * (2.0 * np.mod(beat * times, 1.0) - 1.0)
+            return np.asarray(offset)
 
         return Sensing(late=dict.fromkeys(group, late))
 
     def spans(outcome: Outcome) -> Spans:
         ends = [sign * outcome.size * x for x in between[:2]]
         longest = max(d.length for d in scene.drives[:2])
+        slack = 0.04 if form == "beating ticks" else 0.0
+        ends = [x * y for x in ends for y in (1.0 - slack, 1.0 + slack)]
         return Spans({"offset": hull(*ends, *(x + drift * longest for x in ends))})
 
     return Blueprint("clock_offset", where, form, (0.00001, 0.02), sensing=sensing, spans=spans)
@@ -203,48 +213,51 @@ def _bandwidth(scene: Scene, where: str, form: str, rng: np.random.Generator) ->
     if corner is None:
         message = "needs a declared filter"
         raise ValueError(message)
-    sign = 1.0 if form == "one pole" and rng.random() < 0.4 else -1.0
-    own = complex(-2.0 * np.pi * corner)
+    sign = 1.0 if rng.random() < 0.35 else -1.0
+    ends = [float(times[-1]) for times in scene.times]
 
-    def poles(size: float) -> tuple[complex, ...]:
-        if form == "one pole":
-            return (own * float(np.exp(sign * size)),)
-        if form == "second pole":
-            return (own, own / float(np.expm1(size) + 1e-9))
-        # Sallen and Key with Q = 0.55, whose delay at rest is that of the slower corner
-        slow = -float(own.real) * float(np.exp(-size))
-        damp, quick = 1.0 / (2.0 * 0.55), slow / 0.55
-        root = np.sqrt(complex(damp**2 - 1.0))
-        return (quick * (-damp + root), quick * (-damp - root))
+    def pole(size: float) -> complex:
+        return complex(-2.0 * np.pi * corner * float(np.exp(sign * size)))
+
+    def branch(size: float) -> tuple[complex, ...]:
+        """Poles of what works beside the filter."""
+        if form == "absorbing capacitor":
+            return (pole(size) / 6.0,)
+        return () if form == "resistive capacitor" else (pole(0.6 * size),)
 
     def sensing(size: float) -> Sensing:
-        return Sensing(poles={where: poles(size)})
+        def share(times: Vector, run: int) -> Vector:
+            if form == "warming corner":
+                return np.asarray(np.clip(times / ends[run], 0.0, 1.0))
+            return np.full(len(times), 0.1 * min(size, 1.0))
+
+        return Sensing(poles={where: (pole(size),)}, beside={where: (branch(size), share)})
 
     def spans(outcome: Outcome) -> Spans:
-        found = [corner * float(np.exp(sign * outcome.size))]
-        if form != "one pole":
-            s = 2j * np.pi * np.array([3.0, 8.0, 15.0])
-            answer = np.prod([1.0 / (1.0 - s / p) for p in poles(outcome.size)], 0)
+        s = 2j * np.pi * np.array([3.0, 8.0, 15.0])
+        found = []
+        shares = (0.0, 1.0) if form == "warming corner" else (0.1 * min(outcome.size, 1.0),)
+        for share in shares:
+            other = np.prod([1.0 / (1.0 - s / p) for p in branch(outcome.size)], 0)
+            answer = (1.0 - share) / (1.0 - s / pole(outcome.size)) + share * other
             turns = s.imag / (2.0 * np.pi)
             found += list(turns / np.sqrt(np.maximum(np.abs(answer) ** -2 - 1.0, 1e-4)))
             found += list(turns / np.tan(-np.angle(answer)))
-        kept = [x for x in found if 0.0 < x < 3.0 * corner]
-        return Spans({"bandwidth": hull(*kept)})
+        kept = [x for x in found if 0.0 < x < 5.0 * corner]
+        return Spans({"bandwidth": hull(pole(outcome.size).real / (-2.0 * np.pi), *kept)})
 
-    least = float(np.log1p(corner / 1200.0)) if form == "second pole" else 0.002
-    return Blueprint("sensor_bandwidth", where, form, (least, 1.1), sensing=sensing, spans=spans)
+    return Blueprint("sensor_bandwidth", where, form, (0.01, 1.2), sensing=sensing, spans=spans)
 
 
 def _drift(scene: Scene, where: str, form: str, rng: np.random.Generator) -> Blueprint:
-    sign = float(rng.choice([-1.0, 1.0]))
-    warm = float(rng.uniform(4.0, 9.0))
+    sign, pace = float(rng.choice([-1.0, 1.0])), float(rng.uniform(2.0, 4.0))
 
     def shape(times: Vector) -> Vector:
-        if form == "warming up":
-            return np.asarray(warm * -np.expm1(-times / warm))
-        if form == "parabola":
-            return times * (0.75 + 0.25 * times / 3.0)
-        return times
+        if form == "logarithmic creep":
+            return np.asarray(pace * np.log1p(times / pace))
+        if form == "root of time":
+            return np.asarray(2.0 * pace * (np.sqrt(1.0 + times / pace) - 1.0))
+        return np.asarray(pace * np.expm1(times / (2.0 * pace)))
 
     def sensing(size: float) -> Sensing:
         return Sensing(shift={where: lambda t, run: sign * size * shape(t)})
@@ -253,42 +266,44 @@ def _drift(scene: Scene, where: str, form: str, rng: np.random.Generator) -> Blu
         slopes = []
         for times in scene.times[:2]:
             line = np.polyfit(times, shape(times), 1)[0]
-            slopes += [float(line), float((shape(times)[-1]) / times[-1])]
+            slopes += [float(line), float(shape(times)[-1] / times[-1])]
         return Spans({"slope": hull(*(sign * outcome.size * x for x in slopes))})
 
-    return Blueprint("sensor_drift", where, form, (0.0005, 3.0), sensing=sensing, spans=spans)
+    return Blueprint("sensor_drift", where, form, (0.0005, 4.0), sensing=sensing, spans=spans)
 
 
 def _engine(scene: Scene, where: str, form: str, rng: np.random.Generator) -> Blueprint:
-    low, high = 22.0, min(58.0, 0.36 * scene.rate)
-    tone, load = float(rng.uniform(low, high)), scene.car.mean_load
-    front = float(rng.uniform(0.1, 0.8))
+    high = {"slider crank": 0.2, "firing pulses": 0.14}.get(form, 0.3) * scene.rate
+    tone, load = float(rng.uniform(20.0, min(52.0, high))), scene.car.mean_load
+    front = float(rng.uniform(0.1, 0.9))
     share = np.array([front, 1.0 - front])
-    hunt = float(rng.uniform(0.03, 0.12)) if form == "hunting idle" else 0.0
-    pace = float(rng.uniform(0.3, 0.7))
+    pace, swell = float(rng.uniform(0.3, 0.6)), float(rng.uniform(0.1, 0.2))
     waves = []
     for drive in scene.drives:
         t = drive.half_times
-        phase = float(rng.uniform(0.0, 6.28))
-        turn = 2.0 * np.pi * tone * t - hunt / pace * np.cos(2.0 * np.pi * pace * t) + phase
+        turn = 2.0 * np.pi * tone * t + float(rng.uniform(0.0, 6.28))
         wave = np.cos(turn)
-        if form == "two orders":
-            wave = wave + 0.35 * np.cos(0.5 * turn + 1.0)
-        rise = np.clip((t - t[0]) / 0.15, 0.0, 1.0)
-        waves.append(wave * rise)
+        if form == "slider crank":
+            wave = wave + 0.28 * np.cos(2.0 * turn)
+        elif form == "firing pulses":
+            wave = wave + 0.45 * np.cos(2.0 * turn + 0.4) + 0.15 * np.cos(3.0 * turn + 0.8)
+        else:
+            wave = wave * (1.0 + swell * np.sin(2.0 * np.pi * pace * t))
+        waves.append(wave * np.clip((t - t[0]) / 0.15, 0.0, 1.0))
 
     def mechanism(size: Vector, runs: Whole) -> Mechanism:
         curve = np.stack(waves, 1)[:, runs] * size * load
         return Pushed(curve[:, None, :] * share[None, :, None])
 
     def spans(outcome: Outcome) -> Spans:
-        found: dict[str, Span] = {
-            "frequency": hull(tone - hunt, tone + hunt),
-            "amplitude": hull(0.93 * load * outcome.size, load * outcome.size),
-        }
-        if not hunt:
-            found["amplitude"] = point(load * outcome.size)
-        return Spans(found)
+        peak = load * outcome.size
+        slack = swell if form == "swelling tone" else 0.0
+        return Spans(
+            {
+                "frequency": point(tone),
+                "amplitude": hull(peak * (1.0 - slack), peak * (1.0 + slack)),
+            }
+        )
 
     return Blueprint(
         "engine_vibration", None, form, (0.0005, 0.4), mechanism=mechanism, spans=spans

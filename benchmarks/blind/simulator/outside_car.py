@@ -1,4 +1,4 @@
-"""Unlisted faults of the car, of what it carries and of its driver."""
+"""Unlisted faults of valves, springs, oil and links between the axles."""
 
 from __future__ import annotations
 
@@ -7,15 +7,13 @@ from collections.abc import Callable
 import numpy as np
 
 from .blueprint import Blueprint
-from .cars import GRAVITY, Car
-from .forces import Plain, Pushed
-from .kinds import AXLES, CHANNELS, Vector, Whole, rows_of
+from .cars import Car
+from .forces import Plain
+from .kinds import AXLES, Vector, Whole, rows_of
 from .scene import Scene
-from .sensors import Motion, Sensing
-from .signals import LinearSystem
-from .simulate import Drive, History, Mechanism, Now
+from .simulate import Mechanism, Now
 
-__all__ = ["CAR_FAULTS", "Rocker"]
+__all__ = ["CAR_FAULTS"]
 
 Maker = Callable[[Scene, np.random.Generator], Blueprint]
 
@@ -25,339 +23,219 @@ def _axle(rng: np.random.Generator) -> tuple[str, int, slice]:
     return AXLES[axle], axle, rows_of(AXLES[axle])
 
 
-class _Bending:
-    """First bending of the frame: memory is its size at the axles (m) and rate (m/s)."""
-
-    states = 2
-
-    def __init__(self, car: Car, size: Vector, omega: float, loss: float, shape: Vector) -> None:
-        self.size, self.omega, self.loss = size / car.m, omega, loss
-        self.shape = shape[:, None]
-        self.k, self.c = np.asarray(car.k)[:, None], np.asarray(car.c)[:, None]
-
-    def act(self, now: Now) -> None:
-        """Let the frame give way at the axles."""
-        now.force[0:2] -= self.shape * (self.k * now.aux[0] + self.c * now.aux[1])
-        drive = np.sum(self.shape * now.force[0:2], 0) * self.size
-        now.flow[0] = now.aux[1]
-        now.flow[1] = drive - 2.0 * self.loss * self.omega * now.aux[1] - self.omega**2 * now.aux[0]
-
-
-def _frame_bending(scene: Scene, rng: np.random.Generator) -> Blueprint:
-    omega = 2.0 * np.pi * float(rng.uniform(13.0, 24.0))
-    loss, shape = float(rng.uniform(0.015, 0.04)), np.array([1.0, float(rng.uniform(0.6, 1.0))])
-
-    def mechanism(size: Vector, runs: Whole) -> Mechanism:
-        return _Bending(scene.car, size, omega, loss, shape)
-
-    def mounts(own: History, size: Vector) -> Vector:
-        return np.asarray(own.flow[:, 1:2] * shape[None, :, None])
-
-    form = "modal, linear"
-    return Blueprint(
-        "unlisted:frame_bending", None, form, (0.003, 2.5), mechanism=mechanism, mounts=mounts
-    )
-
-
-class _Loose:
-    """A battery on foam between hard stops: memory is its way from rest (m) and rate (m/s)."""
-
-    states = 2
-
-    def __init__(self, car: Car, size: Vector, at: float, omega: float, gap: float) -> None:
-        self.mass, self.omega, self.gap = size * car.m, omega, gap
-        self.lever = np.array([1.0, at, 0.0, 0.0])
-        self.share = np.array(
-            [[(at + car.behind) / car.wheelbase], [(car.ahead - at) / car.wheelbase]]
-        )
-        self.local = 1.0 / car.m + at * at / car.i
-
-    def act(self, now: Now) -> None:
-        """Replace the rigid battery by the loose one."""
-        way, speed = now.aux[0], now.aux[1]
-        over = np.sign(way) * np.maximum(np.abs(way) - self.gap, 0.0)
-        push = -(self.omega**2) * (way + 40.0 * over) - 0.2 * self.omega * speed
-        push = push - np.where(over != 0.0, 1.2 * self.omega * speed, 0.0)
-        floor = self.lever @ now.acceleration()
-        reaction = self.mass * (floor - push) / (1.0 - self.mass * self.local)
-        now.force[4:6] += self.share * reaction
-        now.flow[0] = speed
-        now.flow[1] = push - floor - reaction * self.local
-
-
-def _loose_battery(scene: Scene, rng: np.random.Generator) -> Blueprint:
-    at = float(rng.uniform(-0.35, 0.25)) * scene.car.wheelbase
-    omega, gap = 2.0 * np.pi * float(rng.uniform(4.5, 8.0)), float(rng.uniform(0.0008, 0.002))
-
-    def mechanism(size: Vector, runs: Whole) -> Mechanism:
-        return _Loose(scene.car, size, at, omega, gap)
-
-    form = "mass on foam between stops"
-    return Blueprint("unlisted:loose_battery", None, form, (0.0005, 0.15), mechanism=mechanism)
-
-
-class _Play:
-    """A damper whose mount has play: memory is the shift of the mount (m)."""
+class _Snap:
+    """A valve that snaps open at one speed and shut at a lower one: memory is its lift, 0 to 1."""
 
     states = 1
 
-    def __init__(self, rows: slice, c: float, stiff: float, size: Vector) -> None:
-        self.rows, self.c, self.stiff, self.half = rows, c, stiff, 0.5 * size
+    def __init__(self, rows: slice, c: float, size: Vector, opens: float, shuts: float) -> None:
+        self.rows, self.c, self.size = rows, c, size
+        self.middle, self.half = 0.5 * (opens + shuts), 0.5 * (opens - shuts)
 
     def act(self, now: Now) -> None:
-        """Give the damper the rate that the mount leaves."""
-        rate, shift = now.rate[self.rows], now.aux
-        taut = np.sign(shift) * np.maximum(np.abs(shift) - self.half, 0.0)
-        now.flow[:] = rate - self.stiff * taut / self.c
-        now.force[self.rows] += self.c * rate - self.stiff * taut
+        """Take away what the open valve lets through."""
+        rate, lift = now.rate[self.rows], now.aux
+        drive = (np.abs(rate) - self.middle) / self.half
+        # cubic with two stable lifts where the drive is within one of zero
+        x = 2.0 * lift - 1.0
+        fold = 0.3849
+        now.flow[:] = 0.5 * (x - x**3 + fold * drive) / 0.004
+        open_share = np.clip(lift, 0.0, 1.0)
+        now.force[self.rows] += self.c * self.size * open_share * rate
 
 
-def _mount_play(scene: Scene, rng: np.random.Generator) -> Blueprint:
+def _snap_valve(scene: Scene, rng: np.random.Generator) -> Blueprint:
     where, axle, rows = _axle(rng)
-    c, stiff = scene.car.c[axle], 70.0 * float(np.mean(scene.car.k))
-    stiff = min(stiff, 4500.0 * c)
+    fast = float(np.quantile(np.abs(scene.history.rate[:, axle, :2]), 0.97))
+    opens, shuts = 0.6 * fast, 0.12 * fast
 
     def mechanism(size: Vector, runs: Whole) -> Mechanism:
-        return _Play(rows, c, stiff, size)
+        return _Snap(rows, scene.car.c[axle], size, opens, shuts)
 
-    name = "unlisted:damper_mount_play"
-    return Blueprint(name, where, "dead zone in series", (0.00001, 0.006), mechanism=mechanism)
+    name = "unlisted:snapping_valve"
+    return Blueprint(name, where, "relay with hysteresis", (0.01, 0.75), mechanism=mechanism)
 
 
-class _Void:
-    """A damper that cavitates in rebound: memory is the void (m) that compression has to close."""
+class _InertiaValve:
+    """A slug that a rising wheel throws open: memory is its opening, 0 to 1."""
 
     states = 1
 
-    def __init__(self, rows: slice, c: float, size: Vector) -> None:
-        self.rows, self.c, self.limit = rows, c, 1.0 / size
+    def __init__(self, axle: int, c: float, size: Vector, threshold: float, shuts: float) -> None:
+        self.axle, self.rows = axle, slice(axle, axle + 1)
+        self.c, self.size, self.threshold, self.shuts = c, size, threshold, shuts
 
     def act(self, now: Now) -> None:
-        """Take away the force while the void opens or closes."""
-        rate, void = now.rate[self.rows], now.aux
-        opens = np.maximum(rate - self.limit, 0.0)
-        closes = np.minimum(rate, 0.0) * -np.expm1(-np.maximum(void, 0.0) / 0.0003)
-        flow = opens + closes
-        now.flow[:] = flow
-        now.force[self.rows] += self.c * flow
+        """Take away damping in compression while the slug is off its seat."""
+        wheel = now.acceleration()[2 + self.axle]
+        thrown = 0.5 + 0.5 * np.tanh((wheel - self.threshold) / (0.1 * self.threshold))
+        now.flow[:] = thrown * (1.0 - now.aux) / 0.004 - now.aux / self.shuts
+        squeezed = np.minimum(now.rate[self.rows], 0.0)
+        now.force[self.rows] += self.c * self.size * now.aux * squeezed
 
 
-def _cavitation(scene: Scene, rng: np.random.Generator) -> Blueprint:
-    where, axle, rows = _axle(rng)
-    most = float(np.max(scene.history.rate[:, axle, :2]))
-
-    def mechanism(size: Vector, runs: Whole) -> Mechanism:
-        return _Void(rows, scene.car.c[axle], size)
-
-    span = (1.02 / most, 12.0 / most)
-    name = "unlisted:aerated_damper"
-    return Blueprint(name, where, "void in rebound", span, mechanism=mechanism)
-
-
-class _Gas:
-    """Gas that stiffens the spring until its heat has gone: memory is the further force (N)."""
-
-    states = 1
-
-    def __init__(self, rows: slice, k: float, size: Vector, fades: float) -> None:
-        self.rows, self.k, self.size, self.fades = rows, k, size, fades
-
-    def act(self, now: Now) -> None:
-        """Add the force of the warm gas."""
-        now.flow[:] = self.k * self.size * now.rate[self.rows] - now.aux / self.fades
-        now.force[self.rows] -= now.aux
-
-
-def _gas_heat(scene: Scene, rng: np.random.Generator) -> Blueprint:
-    where, axle, rows = _axle(rng)
-    fades = float(rng.uniform(0.05, 0.2))
+def _inertia_valve(scene: Scene, rng: np.random.Generator) -> Blueprint:
+    where, axle, _ = _axle(rng)
+    peak = float(np.max(scene.history.flow[:, 6 + axle, :2]))
+    threshold, shuts = float(rng.uniform(0.25, 0.4)) * peak, float(rng.uniform(0.05, 0.12))
 
     def mechanism(size: Vector, runs: Whole) -> Mechanism:
-        return _Gas(rows, scene.car.k[axle], size, fades)
+        return _InertiaValve(axle, scene.car.c[axle], size, threshold, shuts)
 
-    name = "unlisted:air_spring_heat"
-    return Blueprint(name, where, "relaxing stiffness", (0.005, 3.0), mechanism=mechanism)
+    name = "unlisted:inertia_valve"
+    return Blueprint(name, where, "slug on a spring", (0.01, 0.9), mechanism=mechanism)
 
 
-class Rocker:
-    """Inertia between wheel and body, as of a heavy rocker: force against δ̈.
+class _Pipe:
+    """A pipe between front and rear units: memory is the volume that went through it, as travel.
 
-    ``size`` is the inertia over the unsprung mass of the axle.
+    Fluid that one axle squeezes out lifts the other, through a throttle.
     """
 
-    states = 0
+    states = 1
 
-    def __init__(self, car: Car, axle: int, size: Vector) -> None:
-        lever = (car.ahead, -car.behind)[axle]
-        self.pick = np.array([1.0, lever, 0.0, 0.0])
-        self.pick[2 + axle] = -1.0
-        self.axle, self.size = axle, size * car.unsprung[axle]
-        self.local = 1.0 / car.m + lever**2 / car.i + 1.0 / car.unsprung[axle]
+    def __init__(self, k: float, size: Vector, fills: float) -> None:
+        self.firm, self.fills = k * size, fills
 
     def act(self, now: Now) -> None:
-        """Resist the acceleration of the deflection."""
-        bare = self.pick @ now.acceleration()
-        now.force[self.axle] -= self.size * bare / (1.0 + self.size * self.local)
+        """Push both axles by the pressures of their units."""
+        front = now.delta[0:1] + now.aux
+        rear = now.delta[1:2] - now.aux
+        now.flow[:] = (rear - front) / self.fills
+        now.force[0:1] -= self.firm * front
+        now.force[1:2] -= self.firm * rear
 
 
-def _rocker_inertia(scene: Scene, rng: np.random.Generator) -> Blueprint:
-    where, axle, _ = _axle(rng)
-
-    def mechanism(size: Vector, runs: Whole) -> Mechanism:
-        return Rocker(scene.car, axle, size)
-
-    name = "unlisted:rocker_inertia"
-    return Blueprint(name, where, "inerter", (0.0005, 0.8), mechanism=mechanism)
-
-
-class _Kick:
-    """Slope of the road times wheel load, turned upwards by an inclined path of the wheel."""
-
-    states = 0
-
-    def __init__(self, axle: int, slope: Vector, load: float, size: Vector) -> None:
-        self.axle, self.slope, self.load, self.size = axle, slope, load, size
-
-    def act(self, now: Now) -> None:
-        """Push the chassis up while the wheel climbs."""
-        load = self.load + now.force[2 + self.axle]
-        now.force[self.axle] += self.size * load * self.slope[now.half]
-
-
-def _anti_dive(scene: Scene, rng: np.random.Generator) -> Blueprint:
-    where, axle, _ = _axle(rng)
-    car, sign = scene.car, float(rng.choice([-1.0, 1.0]))
-    share = (car.wdf, 1.0 - car.wdf)[axle]
-    load = GRAVITY * (car.m * share + car.unsprung[axle])
-    slopes = np.stack([d.slope[:, axle] for d in scene.drives], 1)
+def _linked_axles(scene: Scene, rng: np.random.Generator) -> Blueprint:
+    k, fills = float(np.mean(scene.car.k)), float(rng.uniform(0.01, 0.04))
 
     def mechanism(size: Vector, runs: Whole) -> Mechanism:
-        return _Kick(axle, slopes[:, runs], load, sign * size)
+        return _Pipe(k, size, fills)
 
-    name = "unlisted:anti_dive_kick"
-    return Blueprint(name, where, "slope times load", (0.0003, 0.6), mechanism=mechanism)
+    name = "unlisted:linked_axles"
+    return Blueprint(name, None, "fluid between the axles", (0.005, 1.2), mechanism=mechanism)
 
 
-def _bypass(scene: Scene, rng: np.random.Generator) -> Blueprint:
+def _bent_rod(scene: Scene, rng: np.random.Generator) -> Blueprint:
     where, axle, rows = _axle(rng)
-    peak = float(np.max(-scene.history.delta[:, axle, :2]))
-    c, begins, soft = scene.car.c[axle], float(rng.uniform(0.25, 0.5)) * peak, 0.08 * peak
+    delta = scene.history.delta[:, axle, :2]
+    side = np.min(delta) if rng.random() < 0.6 else np.max(delta)
+    at, breadth = float(rng.uniform(0.35, 0.55) * side), 0.2 * abs(float(side))
+    load = scene.car.mean_load
 
     def mechanism(size: Vector, runs: Whole) -> Mechanism:
         def law(delta: Vector, rate: Vector) -> Vector:
-            zone = 0.5 * (1.0 + np.tanh((-delta - begins) / soft))
-            return np.asarray(-c * size * zone * rate)
+            near = np.exp(-(((delta - at) / breadth) ** 2))
+            return np.asarray(-load * size * near * np.tanh(rate / 0.01))
 
         return Plain(rows, law)
 
-    name = "unlisted:position_sensitive_damper"
-    return Blueprint(name, where, "bypass ports", (0.004, 3.0), mechanism=mechanism)
+    name = "unlisted:bent_rod"
+    return Blueprint(name, where, "friction at one place", (0.0005, 0.4), mechanism=mechanism)
 
 
-def _cadence(scene: Scene, rng: np.random.Generator) -> Blueprint:
-    waves = []
-    for drive in scene.drives:
-        t, wave = drive.half_times, np.zeros(len(drive.height))
-        at = float(rng.uniform(0.2, 0.9))
-        while at < drive.length - 0.3:
-            length = float(rng.uniform(0.10, 0.22))
-            u = np.clip((t - at) / length, 0.0, 1.0)
-            wave += float(rng.uniform(0.6, 1.0)) * np.sin(np.pi * u) ** 2
-            at += length + float(rng.uniform(0.06, 0.25))
-        waves.append(wave)
-    load, pair = scene.car.mean_load, np.array([-1.0, 1.0])
+class _Skyhook:
+    """Dampers that a controller hardens where they can slow the body, a moment late.
 
-    def mechanism(size: Vector, runs: Whole) -> Mechanism:
-        curve = np.stack(waves, 1)[:, runs] * size * load
-        return Pushed(curve[:, None, :] * pair[None, :, None])
+    Memory is the setting of each axle, from −1 to 1.
+    """
 
-    name = "unlisted:cadence_braking"
-    return Blueprint(name, None, "pulses of pitch moment", (0.0002, 0.4), mechanism=mechanism)
+    states = 2
 
-
-class _Bracing:
-    """A rider who leans against pitch a moment late; keeps the pitch rate of all steps."""
-
-    states = 0
-
-    def __init__(self, car: Car, size: Vector, late: float, steps: int) -> None:
-        self.gain, self.late = -size * 6.0 * car.i / car.wheelbase, late
-        self.past = np.zeros((steps, len(size)))
+    def __init__(self, car: Car, size: Vector, late: float) -> None:
+        self.c, self.size, self.late = np.array(car.c)[:, None], size, late
+        self.arms = np.array([[1.0, car.ahead], [1.0, -car.behind]])
 
     def act(self, now: Now) -> None:
-        """Add the pair of forces of the late moment."""
-        if now.first:
-            self.past[now.half // 2] = now.state[5]
-        at = 0.5 * now.half - self.late
-        if at <= 0.0:
-            return
-        low = int(at)
-        share = at - low
-        rate = (1.0 - share) * self.past[low] + share * self.past[low + 1]
-        now.force[4] += self.gain * rate
-        now.force[5] -= self.gain * rate
+        """Change the dampers by their settings."""
+        body = self.arms @ now.state[4:6]
+        wanted = np.tanh(body * now.rate / 0.0004)
+        now.flow[:] = (wanted - now.aux) / self.late
+        now.force[0:2] -= self.c * self.size * now.aux * now.rate
 
 
-def _rider(scene: Scene, rng: np.random.Generator) -> Blueprint:
-    drive = scene.drives[0]
-    late = float(rng.uniform(0.14, 0.24)) / drive.step
+def _skyhook(scene: Scene, rng: np.random.Generator) -> Blueprint:
+    late = float(rng.uniform(0.008, 0.02))
 
     def mechanism(size: Vector, runs: Whole) -> Mechanism:
-        return _Bracing(scene.car, size, late, len(drive.times))
+        return _Skyhook(scene.car, size, late)
 
-    name = "unlisted:rider_bracing"
-    return Blueprint(name, None, "late pitch damping", (0.0005, 1.2), mechanism=mechanism)
-
-
-def _one_side(car: Car, drive: Drive) -> Vector:
-    """Motion (steps, 4 by channel) that one side adds if the road under the other is as opposed.
-
-    Half the difference of the sides moves an axle in roll, and the body in roll, m/s².
-    """
-    body = 0.35 * car.m
-    a, b = np.zeros((6, 6)), np.zeros((6, 2))
-    a[0:3, 3:6] = np.eye(3)
-    for axle in range(2):
-        k, c, m = car.k[axle], car.c[axle], car.unsprung[axle]
-        pull = np.array([-k, k, -c, c])
-        slots = [0, 1 + axle, 3, 4 + axle]
-        a[3, slots] += pull / body
-        a[4 + axle, slots] -= pull / m
-        a[4 + axle, 1 + axle] -= car.tyre[axle] / m
-        a[4 + axle, 4 + axle] -= car.tyre_damping[axle] / m
-        b[4 + axle, axle] = 1.0 / m
-    system = LinearSystem(a, b, a[3:6], b[3:6])
-    u = np.asarray(car.tyre) * drive.height + np.asarray(car.tyre_damping) * drive.rate
-    y = system.response(u[::2], drive.step)
-    return np.stack([y[:, 1], 0.7 * y[:, 0], y[:, 2], 0.7 * y[:, 0]], 1)
+    name = "unlisted:switching_dampers"
+    return Blueprint(name, None, "on-off by body motion", (0.005, 0.8), mechanism=mechanism)
 
 
-def _one_sided(scene: Scene, rng: np.random.Generator) -> Blueprint:
-    more = [_one_side(scene.car, drive) for drive in scene.drives]
+class _Surge:
+    """A coil spring with a mass in its middle: memory is its way from the mean of the ends."""
 
-    def sensing(size: float) -> Sensing:
-        def mount(motion: Motion, run: int) -> Motion:
-            changed = {
-                c: motion.acceleration[c] + size * more[run][:, n] for n, c in enumerate(CHANNELS)
-            }
-            return Motion(motion.begin, motion.step, changed, motion.pitch, motion.pitching)
+    states = 2
 
-        return Sensing(mount=mount)
+    def __init__(self, axle: int, k: float, mass: Vector, car: Car, loss: float) -> None:
+        self.axle, self.k, self.mass, self.loss = axle, k, mass, loss
+        arm = (car.ahead, -car.behind)[axle]
+        self.ends = np.zeros(4)
+        self.ends[0], self.ends[1], self.ends[2 + axle] = 0.5, 0.5 * arm, 0.5
 
-    name = "unlisted:one_sided_bump"
-    return Blueprint(name, None, "roll beside heave and pitch", (0.0005, 1.0), sensing=sensing)
+    def act(self, now: Now) -> None:
+        """Let both halves of the spring pull at chassis and axle.
+
+        Half of the pull of the mass acts on either end.
+        """
+        way, speed = now.aux
+        omega = np.sqrt(4.0 * self.k / self.mass)
+        pull = 4.0 * self.k * way + 2.0 * self.loss * omega * self.mass * speed
+        now.force[4 + self.axle] += 0.5 * pull
+        now.force[2 + self.axle] += 0.5 * pull
+        now.flow[0] = speed
+        now.flow[1] = -pull / self.mass - self.ends @ now.acceleration()
+
+
+def _surge(scene: Scene, rng: np.random.Generator) -> Blueprint:
+    where, axle, _ = _axle(rng)
+    k, loss = scene.car.k[axle], float(rng.uniform(0.01, 0.03))
+    most = min(4.0 * k / (2.0 * np.pi * 13.0) ** 2, 0.3 * scene.car.unsprung[axle])
+    least = min(4.0 * k / (2.0 * np.pi * 45.0) ** 2, 0.5 * most)
+
+    def mechanism(size: Vector, runs: Whole) -> Mechanism:
+        return _Surge(axle, k, size, scene.car, loss)
+
+    name = "unlisted:coil_surge"
+    return Blueprint(name, where, "spring with a mass", (least, most), mechanism=mechanism)
+
+
+class _Thixotropic:
+    """Oil that thins while it is worked and recovers at rest: memory is what is left of its gel."""
+
+    states = 1
+
+    def __init__(self, rows: slice, c: float, size: Vector, way: float, heals: float) -> None:
+        self.rows, self.c, self.size, self.way, self.heals = rows, c, size, way, heals
+
+    def act(self, now: Now) -> None:
+        """Take away what the oil has lost; memory counts the loss, from 0 to 1."""
+        rate = now.rate[self.rows]
+        now.flow[:] = np.abs(rate) / self.way * (1.0 - now.aux) - now.aux / self.heals
+        now.force[self.rows] += self.c * self.size * now.aux * rate
+
+
+def _thixotropic(scene: Scene, rng: np.random.Generator) -> Blueprint:
+    where, axle, rows = _axle(rng)
+    usual = float(np.std(scene.history.rate[:, axle, :2]))
+    heals = float(rng.uniform(0.25, 0.6))
+    way = usual * 0.5 * heals
+
+    def mechanism(size: Vector, runs: Whole) -> Mechanism:
+        return _Thixotropic(rows, scene.car.c[axle], size, way, heals)
+
+    name = "unlisted:thixotropic_oil"
+    return Blueprint(name, where, "gel that breaks and heals", (0.01, 0.95), mechanism=mechanism)
 
 
 CAR_FAULTS: dict[str, Maker] = {
-    "frame_bending": _frame_bending,
-    "loose_battery": _loose_battery,
-    "damper_mount_play": _mount_play,
-    "aerated_damper": _cavitation,
-    "air_spring_heat": _gas_heat,
-    "rocker_inertia": _rocker_inertia,
-    "anti_dive_kick": _anti_dive,
-    "position_sensitive_damper": _bypass,
-    "cadence_braking": _cadence,
-    "rider_bracing": _rider,
-    "one_sided_bump": _one_sided,
+    "snapping_valve": _snap_valve,
+    "inertia_valve": _inertia_valve,
+    "linked_axles": _linked_axles,
+    "bent_rod": _bent_rod,
+    "switching_dampers": _skyhook,
+    "coil_surge": _surge,
+    "thixotropic_oil": _thixotropic,
 }

@@ -12,31 +12,33 @@ from .kinds import Vector
 __all__ = ["PULSES", "page_pulse"]
 
 
-def _even(u: Vector) -> Vector:
-    """Rise, hold and fall with straight flanks; u runs from 0 to 1 over the push."""
-    return np.asarray(np.clip(np.minimum(u / 0.2, (1.0 - u) / 0.2), 0.0, 1.0))
+def _bell(u: Vector) -> Vector:
+    """Return a nudge that swells and ebbs: Gaussian."""
+    return np.asarray(np.exp(-0.5 * ((u - 0.5) / 0.17) ** 2))
 
 
-def _cosine(u: Vector) -> Vector:
-    """Return a tug of a tow rope: 1 − cos."""
-    return np.where((u > 0.0) & (u < 1.0), 0.5 - 0.5 * np.cos(2.0 * np.pi * u), 0.0)
+def _flat_bell(u: Vector) -> Vector:
+    """Return a lean against the car: exp(−x⁶)."""
+    return np.asarray(np.exp(-((np.abs(u - 0.5) / 0.42) ** 6)))
 
 
-def _half_sine(u: Vector) -> Vector:
-    """Return a shove by a person: half a sine."""
-    return np.where((u > 0.0) & (u < 1.0), np.sin(np.pi * np.clip(u, 0.0, 1.0)), 0.0)
+def _tired_hold(u: Vector) -> Vector:
+    """Return a pull that comes at once, sags to two thirds, and ends."""
+    comes = 0.5 - 0.5 * np.cos(np.pi * np.clip(u / 0.12, 0.0, 1.0))
+    goes = 0.5 + 0.5 * np.cos(np.pi * np.clip((u - 0.86) / 0.14, 0.0, 1.0))
+    return np.asarray(comes * goes * (1.0 - 0.34 * np.clip(u, 0.0, 1.0)))
 
 
-def _lift(u: Vector) -> Vector:
-    """Return a force that comes with a step of tanh and goes with another."""
-    return np.asarray(0.5 * (np.tanh((u - 0.1) / 0.035) - np.tanh((u - 0.9) / 0.035)))
+def _slow_release(u: Vector) -> Vector:
+    """Return a grip that takes hold quickly and lets go slowly, with straight flanks."""
+    return np.asarray(np.clip(np.minimum(u / 0.1, (1.0 - u) / 0.25), 0.0, 1.0))
 
 
 PULSES: dict[str, Callable[[Vector], Vector]] = {
-    "trapezium": _even,
-    "tug": _cosine,
-    "half sine": _half_sine,
-    "tanh flanks": _lift,
+    "bell": _bell,
+    "flat bell": _flat_bell,
+    "tired hold": _tired_hold,
+    "slow release": _slow_release,
 }
 
 
@@ -57,7 +59,8 @@ def page_pulse(
 ) -> dict[str, list[float]]:
     """Return forces (of one), starts (s) and durations (s) of the page's pulse that fit a shape.
 
-    The fit is to the pulse itself and to its changes, with the rise free and short.
+    The fit is to the pulse itself and to its changes, with the rise free; the shape's own peak
+    and its own times of half the peak are answers too.
     """
     u = np.linspace(-0.6, 1.6, 881)
     target = shape(u)
@@ -72,9 +75,10 @@ def page_pulse(
                 gap = _page(u, p) - target
                 return np.asarray(np.diff(gap) * 30.0) if changes else gap
 
-            first = np.array([1.0, float(high[0]) - 0.5 * rise, width, np.log(rise)])
+            first = np.array([1.0, float(high[0]), width, np.log(rise)])
             fits.append(least_squares(misfit, first, max_nfev=200))
         found.append(min(fits, key=lambda fit: float(fit.cost)).x)
+    found.append(np.array([float(np.max(target)), float(high[0]), width]))
     return {
         "force": [float(x[0]) for x in found],
         "start": [start + length * float(x[1]) for x in found],

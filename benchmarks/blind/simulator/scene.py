@@ -9,7 +9,7 @@ import numpy as np
 
 from .cars import FAMILIES, Car, draw_car, geometry
 from .declared import Declared, declare
-from .kinds import CHANNELS, Vector, Whole
+from .kinds import CHANNELS, UnreachableError, Vector, Whole
 from .roads import ROADS, Profile, draw_road
 from .sensors import KITS, Motion, Sensing, kit_sensors, motions, noisy_rows, pure_rows
 from .signals import LinearSystem
@@ -18,7 +18,7 @@ from .strength import Yardstick
 
 __all__ = ["FINE_RATE", "Scene", "Wish", "draw_scene", "fine_fold"]
 
-FINE_RATE = 4400.0
+FINE_RATE = 2600.0
 """Least rate of the integration, steps a second."""
 
 LEAD = 0.25
@@ -26,6 +26,15 @@ LEAD = 0.25
 
 TAIL = 0.04
 """Time that is simulated after a recording has ended, s."""
+
+APPROACH = 1.0
+"""Time on even ground before the front wheels meet the obstacle, s."""
+
+MOST_FLOOR = 0.3
+"""Largest squared distance of readings without fault and noise from the true linear car."""
+
+LONGEST = 5.0
+"""Longest recording, s."""
 
 
 @dataclass(frozen=True)
@@ -92,15 +101,15 @@ def fine_fold(rate: float, fine: float) -> int:
 def _drive(
     profile: Profile, speed: float, car: Car, scale: float, length: float, step: float
 ) -> Drive:
-    """Return a drive at constant speed; the front wheels meet the road after 0.4 s."""
+    """Return a drive at constant speed; the front wheels meet the road after a second."""
     halves = 2 * round((LEAD + length + TAIL) / step) + 1
     times = -LEAD + 0.5 * step * np.arange(halves)
-    start = -speed * 0.4
+    start = -speed * APPROACH
     height, slope = np.zeros((halves, 2)), np.zeros((halves, 2))
     for axle, back in enumerate((0.0, car.wheelbase)):
         h, d = profile.height_and_slope(start + speed * times - back)
         height[:, axle], slope[:, axle] = scale * h, scale * d
-    return Drive(-LEAD, step, length, speed, height, speed * slope, slope)
+    return Drive(-LEAD, step, length, speed, height, speed * slope)
 
 
 def _linear(car: Car, drive: Drive) -> tuple[Vector, Vector, Vector]:
@@ -134,12 +143,31 @@ def _scale(car: Car, drive: Drive, travel: float, rng: np.random.Generator, live
     return size * most
 
 
-def _length(profile: Profile, speed: float, car: Car, rng: np.random.Generator) -> float:
-    """Length of a recording, s: until the car has come to rest, from 2 to 4 s."""
-    if ROADS[profile.kind].lasting:
-        return float(rng.choice([2.5, 3.0, 3.5]))
-    needed = 0.4 + (profile.reach + car.wheelbase) / speed + 0.7
-    return float(np.clip(np.ceil(needed * 4.0) / 4.0, 2.0, 4.0))
+def _settling(car: Car) -> float:
+    """Time in which the slower decay of the body falls to a tenth, s, from 0.7 to 1.2."""
+    mass = np.array([car.m * car.wdf, car.m * (1.0 - car.wdf)])
+    return float(np.clip(np.max(2.3 * 2.0 * mass / np.array(car.c)), 0.7, 1.2))
+
+
+def _timed(
+    profile: Profile, speed: float, car: Car, rng: np.random.Generator
+) -> tuple[Profile, float]:
+    """Return the road up to its end, and the length of a recording until the car is still, s."""
+    rest = _settling(car)
+    if profile.lasting:
+        length = float(rng.choice([3.5, 4.0, 4.5]))
+        driven = length - APPROACH - rest - car.wheelbase / speed
+        return profile.faded(max(speed * driven, 3.0)), length
+    needed = APPROACH + (profile.reach + car.wheelbase) / speed + rest
+    return profile, float(np.clip(np.ceil(needed * 4.0) / 4.0, 2.0, LONGEST))
+
+
+def _speed(profile: Profile, car: Car, calm: float) -> float:
+    """Speed of the first drive, m/s, such that a drive a fifth slower is not too long."""
+    if profile.lasting:
+        return profile.speed * calm
+    driving = LONGEST - APPROACH - _settling(car)
+    return max(profile.speed * calm, 1.26 * (profile.reach + car.wheelbase) / driving)
 
 
 def draw_scene(rng: np.random.Generator, wish: Wish) -> Scene:
@@ -156,13 +184,13 @@ def draw_scene(rng: np.random.Generator, wish: Wish) -> Scene:
     travel = float(rng.uniform(*family.travel))
     profiles = (draw_road(kind, rng), draw_road(other, rng))
     calm = 0.8 if rate <= 250.0 else 1.0
-    speeds = [profiles[0].speed * calm, 0.0, profiles[1].speed * calm]
+    speeds = [_speed(profiles[0], car, calm), 0.0, _speed(profiles[1], car, calm)]
     speeds[1] = speeds[0] * float(rng.choice([0.8, 0.9, 1.12, 1.25]))
     drives = []
-    for number, (profile, speed) in enumerate(
+    for number, (whole, speed) in enumerate(
         zip((profiles[0], profiles[0], profiles[1]), speeds, strict=True)
     ):
-        length = _length(profile, speed, car, rng)
+        profile, length = _timed(whole, speed, car, rng)
         flat = _drive(profile, speed, car, 1.0, length, step)
         if number != 1:
             scale = _scale(car, flat, travel, rng, wish.lively)
@@ -181,6 +209,8 @@ def draw_scene(rng: np.random.Generator, wish: Wish) -> Scene:
     times = [np.arange(round(d.length * rate) + 1) / rate for d in drives]
     base = [pure_rows(m, t, n, sensors) for n, (m, t) in enumerate(zip(found, times, strict=True))]
     yardstick = Yardstick(car, declared, times[:2], base[:2])
+    if yardstick.floor > MOST_FLOOR:
+        raise UnreachableError
     return Scene(
         family.name,
         car,
@@ -200,5 +230,4 @@ def _stretched(drive: Drive, halves: int) -> Drive:
     more = halves - len(drive.height)
     height = np.vstack([drive.height, np.repeat(drive.height[-1:], more, 0)])
     rate = np.vstack([drive.rate, np.zeros((more, 2))])
-    slope = np.vstack([drive.slope, np.zeros((more, 2))])
-    return Drive(drive.begin, drive.step, drive.length, drive.speed, height, rate, slope)
+    return Drive(drive.begin, drive.step, drive.length, drive.speed, height, rate)

@@ -65,12 +65,13 @@ class Kit:
 
 
 KITS = (
-    Kit("digital", (800, 1000), 16, ((0.08, 0.25), (0.03, 0.08)), None, 0.0),
-    Kit("analogue", (400, 500), 12, ((0.06, 0.20), (0.03, 0.09)), (62.0, 62.0), 0.00012),
-    Kit("two boards", (250, 400), 14, ((0.05, 0.15), (0.02, 0.06)), (75.0, 42.0), 0.00035),
-    Kit("slow logger", (200, 250), 12, ((0.05, 0.12), (0.02, 0.05)), (38.0, 38.0), 0.0002),
-    Kit("piezoresistive", (500, 640), 16, ((0.04, 0.12), (0.015, 0.05)), (160.0, 110.0), 0.0),
-    Kit("plain", (400, 500), 14, ((0.07, 0.18), (0.03, 0.07)), None, 0.00008),
+    Kit("industrial", (400, 500), 15, ((0.06, 0.18), (0.03, 0.08)), (120.0, 80.0), 0.00005),
+    Kit("bus sensors", (250, 320), 14, ((0.07, 0.16), (0.02, 0.06)), (90.0, 55.0), 0.00025),
+    Kit("race logger", (500,), 16, ((0.10, 0.28), (0.04, 0.10)), (100.0, 100.0), 0.0),
+    Kit("school logger", (200,), 12, ((0.05, 0.11), (0.02, 0.05)), (45.0, 45.0), 0.0004),
+    Kit("digital chips", (200, 400), 14, ((0.08, 0.20), (0.03, 0.07)), None, 0.0),
+    Kit("hobby board", (250, 300), 13, ((0.05, 0.14), (0.025, 0.06)), None, 0.00015),
+    Kit("instrument amplifier", (300,), 16, ((0.03, 0.09), (0.015, 0.04)), (70.0, 50.0), 0.0001),
 )
 
 
@@ -82,7 +83,8 @@ def kit_sensors(
     for number, channel in enumerate(CHANNELS):
         chassis = int(channel.endswith("chassis"))
         need = 1.5 * peaks[channel] / GRAVITY + 0.1
-        limit = next((x for x in (2.0, 4.0, 8.0, 16.0, 32.0) if x >= need), 64.0) * GRAVITY
+        ranges = (2.0, 3.0, 5.0, 10.0) if chassis else (5.0, 10.0, 18.0, 24.0)
+        limit = next((x for x in ranges if x >= need), 50.0) * GRAVITY
         low, high = kit.noise[chassis]
         noise = float(np.exp(rng.uniform(np.log(low), np.log(high))))
         corner = None if kit.corner is None else kit.corner[chassis]
@@ -95,19 +97,21 @@ def kit_sensors(
 class Motion:
     """What the mounts of the sensors do in one run, on the grid of the simulation.
 
-    ``acceleration`` by channel, m/s²; ``pitch`` angle, rad, and ``pitching`` acceleration, rad/s².
+    ``acceleration`` by channel, m/s².
     """
 
     begin: float
     step: float
     acceleration: dict[str, Vector]
-    pitch: Vector
-    pitching: Vector
 
     @property
     def times(self) -> Vector:
         """Times of the grid, s."""
-        return self.begin + self.step * np.arange(len(self.pitch))
+        return self.begin + self.step * np.arange(len(self.acceleration[CHANNELS[0]]))
+
+    def reading(self, channel: str, felt: Vector) -> Motion:
+        """Return the same motion with what the sensor of one channel feels instead, m/s²."""
+        return replace(self, acceleration={**self.acceleration, channel: felt})
 
 
 def motions(car: Car, history: History, extra: Vector | None = None) -> list[Motion]:
@@ -124,15 +128,7 @@ def motions(car: Car, history: History, extra: Vector | None = None) -> list[Mot
             "rear_wheel": history.flow[:, 7, column],
             "rear_chassis": body[:, 1, column],
         }
-        found.append(
-            Motion(
-                float(history.times[0]),
-                step,
-                acceleration,
-                history.state[:, 1, column],
-                history.flow[:, 5, column],
-            )
-        )
+        found.append(Motion(float(history.times[0]), step, acceleration))
     return found
 
 
@@ -149,12 +145,14 @@ class Sensing:
     """What is wrong with mounts, sensors and logger. The default is nothing.
 
     ``mount`` changes the motion before the filter; ``poles`` replace the declared ones (rad/s);
-    ``late`` adds to the delay (s) and ``shift`` to the readings (m/s²), by channel; ``spread``
-    samples a channel as the mean over delays (s) with weights; ``rows`` changes the rows.
+    ``beside`` mixes in the outputs of further filters by shares that may change in time; ``late``
+    adds to the delay (s) and ``shift`` to the readings (m/s²), by channel; ``spread`` samples a
+    channel as the mean over delays (s) with weights; ``rows`` changes the rows.
     """
 
     mount: Mount | None = None
     poles: dict[str, tuple[complex, ...]] = field(default_factory=dict)
+    beside: dict[str, tuple[tuple[complex, ...], Late]] = field(default_factory=dict)
     late: dict[str, Late] = field(default_factory=dict)
     shift: dict[str, Late] = field(default_factory=dict)
     spread: dict[str, tuple[Vector, Vector]] = field(default_factory=dict)
@@ -184,9 +182,17 @@ def pure_rows(
         for fault in faults:
             if channel in fault.late:
                 at = at + fault.late[channel](times, run)
-        signal = filtered(motion.acceleration[channel], motion.step, poles)
-        for delay, weight in zip(delays, weights, strict=True):
-            rows[:, column] += weight * interpolated(signal, motion.begin, motion.step, at - delay)
+        branches: list[tuple[tuple[complex, ...], Vector]] = [(poles, np.ones(len(times)))]
+        for fault in faults:
+            if channel in fault.beside:
+                other, share_of = fault.beside[channel]
+                share = share_of(times, run)
+                branches = [(poles, 1.0 - share), (other, share)]
+        for branch, share in branches:
+            signal = filtered(motion.acceleration[channel], motion.step, branch)
+            for delay, weight in zip(delays, weights, strict=True):
+                read = interpolated(signal, motion.begin, motion.step, at - delay)
+                rows[:, column] += share * weight * read
         for fault in faults:
             if channel in fault.shift:
                 rows[:, column] += fault.shift[channel](times, run)

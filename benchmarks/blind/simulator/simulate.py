@@ -23,8 +23,7 @@ class Drive:
     """A run before it is driven: what the road does to the tyres at every half step.
 
     ``begin`` time of the first step, s; ``step``, s; ``length`` of the recording, s; ``height``
-    (halves, 2) and ``rate`` (halves, 2) of the road under the axles, m and m/s; ``slope``
-    (halves, 2).
+    (halves, 2) and ``rate`` (halves, 2) of the road under the axles, m and m/s.
     """
 
     begin: float
@@ -33,7 +32,6 @@ class Drive:
     speed: float
     height: Vector
     rate: Vector
-    slope: Vector
 
     @property
     def times(self) -> Vector:
@@ -52,13 +50,12 @@ class Now:
     ``delta`` and ``rate`` (2, B) are deflections (m) and their rates (m/s); ``force`` (6, B), N,
     has the suspension forces on the chassis, the tyre forces on the axles, and forces on the
     chassis alone, each front and rear. ``aux`` is the mechanism's own memory and ``flow`` takes
-    its rate of change. ``half`` counts half steps; ``first`` is true at the beginning of a step.
+    its rate of change. ``half`` counts half steps.
     """
 
-    __slots__ = ("aux", "delta", "first", "flow", "force", "half", "into", "rate", "state")
+    __slots__ = ("aux", "delta", "flow", "force", "half", "into", "rate", "state")
 
     half: int
-    first: bool
     delta: Vector
     rate: Vector
     force: Vector
@@ -165,14 +162,14 @@ def integrate(
     now.force = forces
     loose = any(len(range(p.start, p.stop)) for p in places)
 
-    def slope(x: Vector, half: int, first: bool) -> Vector:
+    def slope(x: Vector, half: int) -> Vector:
         linear = rows @ (x[:8] if loose else x)
         forces[0:2] = linear[0:2]
         np.maximum(linear[2:4] + tyre[half], lift, out=forces[2:4])
         change = np.empty_like(x)
         if mechanisms:
             forces[4:6] = 0.0
-            now.half, now.first, now.state = half, first, x
+            now.half, now.state = half, x
             now.delta, now.rate = linear[4:6], linear[6:8]
             for place, mechanism in zip(places, mechanisms, strict=True):
                 now.aux, now.flow = x[place], change[place]
@@ -187,13 +184,13 @@ def integrate(
     x = np.zeros((total, width))
     half_step, sixth = 0.5 * step, step / 6.0
     for n in range(count):
-        k1 = slope(x, 2 * n, True)
+        k1 = slope(x, 2 * n)
         state[n], flow[n], suspension[n] = x, k1, forces[0:2]
         if n == count - 1:
             break
-        k2 = slope(x + half_step * k1, 2 * n + 1, False)
-        k3 = slope(x + half_step * k2, 2 * n + 1, False)
-        k4 = slope(x + step * k3, 2 * n + 2, False)
+        k2 = slope(x + half_step * k1, 2 * n + 1)
+        k3 = slope(x + half_step * k2, 2 * n + 1)
+        k4 = slope(x + step * k3, 2 * n + 2)
         k2 += k3
         k2 *= 2.0
         k2 += k1

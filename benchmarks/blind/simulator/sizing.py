@@ -9,18 +9,14 @@ import numpy as np
 
 from .blueprint import Blueprint, Outcome
 from .declared import Declared
-from .kinds import Vector, Whole
+from .kinds import UnreachableError, Vector, Whole
 from .scene import Scene
 from .sensors import Motion, Sensing
 from .simulate import History
 
-__all__ = ["Built", "Sized", "UnreachableError", "build", "sized"]
+__all__ = ["Built", "Sized", "build", "sized"]
 
 GRID = 7
-
-
-class UnreachableError(Exception):
-    """No size in the fault's span has a strength that is wanted."""
 
 
 @dataclass(frozen=True)

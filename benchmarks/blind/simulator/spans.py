@@ -19,7 +19,17 @@ from .cars import Car
 from .kinds import AXLES, Span, Vector
 from .simulate import Drive, History
 
-__all__ = ["PAGE", "PageLaw", "Record", "equal_power", "fitted", "records", "trimmed"]
+__all__ = [
+    "PAGE",
+    "SPRING",
+    "PageLaw",
+    "Record",
+    "equal_power",
+    "fitted",
+    "records",
+    "stop_laws",
+    "trimmed",
+]
 
 
 @dataclass(frozen=True)
@@ -78,7 +88,7 @@ def _digressive(p: Vector, c: float, k: float, r: Record) -> Vector:
 
 
 def _digressive_fixed(p: Vector, c: float, k: float, r: Record) -> Vector:
-    return _digressive(np.array([p[0], np.log(2.2)]), c, k, r)
+    return _digressive(np.array([p[0], np.log(2.0)]), c, k, r)  # the centre of its prior
 
 
 def _friction(p: Vector, c: float, k: float, r: Record) -> Vector:
@@ -115,6 +125,35 @@ def _hysteresis(p: Vector, c: float, k: float, r: Record) -> Vector:
     return np.asarray(-k * r.delta - c * lagged)
 
 
+def stop_laws(sign: float, gap: float, rate: float) -> tuple[tuple[PageLaw, Vector], ...]:
+    """Return the page's stop, as a spring and with a free exponent; the start is near the truth.
+
+    ``sign`` is −1 in compression. Parameters are the logarithm of the rate, the gap in
+    centimetres, the logarithm of the onset and that of the exponent.
+    """
+
+    def spring(p: Vector, c: float, k: float, r: Record) -> Vector:
+        return bent(np.array([*p, 0.0]), c, k, r)
+
+    def bent(p: Vector, c: float, k: float, r: Record) -> Vector:
+        first, onset, power = np.exp(p[0]), np.exp(p[2]), np.exp(p[3])
+        over = sign * r.delta - 0.01 * p[1]
+        rest = -0.01 * p[1]
+        d = 0.5 * (over + np.hypot(over, onset)) - 0.5 * (rest + np.hypot(rest, onset))
+        push = first * onset * (np.maximum(d, 0.0) / onset) ** power
+        return np.asarray(-k * r.delta - c * r.rate - sign * push)
+
+    start = np.array([np.log(rate), 100.0 * gap, np.log(0.002)])
+    return ((spring, start), (bent, np.array([*start, 0.15])))
+
+
+def _spring(p: Vector, c: float, k: float, r: Record) -> Vector:
+    return np.asarray(-k * float(np.exp(p[0])) * r.delta - c * r.rate)
+
+
+SPRING: tuple[tuple[PageLaw, Vector], ...] = ((_spring, np.array([0.0])),)
+"""Linear spring whose factor (its logarithm) is free."""
+
 PAGE: dict[str, tuple[tuple[PageLaw, Vector], ...]] = {
     "bound_rebound": ((_bound_rebound, np.array([0.0, np.log(0.015)])),),
     "digressive_damper": (
@@ -133,11 +172,15 @@ PAGE: dict[str, tuple[tuple[PageLaw, Vector], ...]] = {
 
 
 def fitted(
-    laws: Sequence[tuple[PageLaw, Vector]], runs: Sequence[Sequence[Record]], car: Car, axle: int
+    laws: Sequence[tuple[PageLaw, Vector]],
+    runs: Sequence[Sequence[Record]],
+    car: Car,
+    axle: int,
+    springs: bool = True,
 ) -> list[tuple[int, Vector, float]]:
     """Answers (number of the law, parameters, c in N·s/m) at one axle.
 
-    ``runs`` has records of that axle alone or of several; those that belong to ``axle`` are first.
+    ``runs`` has records of that axle. With ``springs``, one answer has a spring that is free.
     """
     c_true, k_true = car.c[axle], car.k[axle]
     answers: list[tuple[int, Vector, float]] = []
@@ -147,7 +190,7 @@ def fitted(
             (runs[:1], False, False),
             (runs[1:], False, False),
             (runs, True, False),
-            (runs, False, True),
+            *(((runs, False, True),) if springs else ()),
         ):
             used = [run[0] for run in pick]
             rms = float(np.sqrt(np.mean(np.concatenate([r.force for r in used]) ** 2)))

@@ -9,6 +9,7 @@ the covariance of the noise of all four sensors, that of the wheels as it comes 
 from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
+from dataclasses import dataclass
 
 import numpy as np
 
@@ -18,12 +19,21 @@ from .kinds import CHANNELS, Complexes, Vector
 from .sensors import Sensor
 from .signals import LinearSystem, interpolated, one_pole, spline
 
-__all__ = ["Yardstick", "half_car"]
+__all__ = ["Fit", "Yardstick", "half_car", "mobility"]
 
 FINE = 2400.0
 """Least rate at which the car is computed, Hz."""
 
 WHEELS, BODIES = (CHANNELS[0], CHANNELS[2]), (CHANNELS[1], CHANNELS[3])
+
+
+def mobility(p: Vector, length: float) -> Vector:
+    """Accelerations (2) of the chassis above the axles for forces (2) on it there, in SI."""
+    i, m, wdf = (float(x) for x in p[2:5])
+    a, b = (1.0 - wdf) * length, wdf * length
+    return np.array(
+        [[1.0 / m + a * a / i, 1.0 / m - a * b / i], [1.0 / m - a * b / i, 1.0 / m + b * b / i]]
+    )
 
 
 def half_car(p: Vector, length: float) -> LinearSystem:
@@ -32,12 +42,8 @@ def half_car(p: Vector, length: float) -> LinearSystem:
     ``p`` is (c_f, c_r, i, m, front weight fraction, k_f, k_r) in SI. States are the deflections
     and their rates.
     """
-    c_f, c_r, i, m, wdf, k_f, k_r = (float(x) for x in p)
-    a, b = (1.0 - wdf) * length, wdf * length
-    mobility = np.array(
-        [[1.0 / m + a * a / i, 1.0 / m - a * b / i], [1.0 / m - a * b / i, 1.0 / m + b * b / i]]
-    )
-    out = np.hstack([-mobility * np.array([k_f, k_r]), -mobility * np.array([c_f, c_r])])
+    gives = mobility(p, length)
+    out = np.hstack([-gives * p[5:7], -gives * p[0:2]])
     matrix = np.vstack([np.hstack([np.zeros((2, 2)), np.eye(2)]), out])
     into = np.vstack([np.zeros((2, 2)), -np.eye(2)])
     return LinearSystem(matrix, into, out, np.zeros((2, 2)))
@@ -132,17 +138,39 @@ class _Run:
         return np.asarray(white - self.basis @ (self.basis.T @ white))
 
 
+@dataclass(frozen=True)
+class Fit:
+    """The nearest linear half car: logarithms ``q`` of its parameters over the true ones.
+
+    ``misfit`` and ``prior`` are what remains of readings and given values, whitened, ``slope``
+    and ``prior_slope`` their derivatives, ``cost`` the squared distance.
+    """
+
+    q: Vector
+    misfit: Vector
+    prior: Vector
+    slope: Vector
+    prior_slope: Vector
+    cost: float
+
+
 class Yardstick:
     """Distance of readings from the nearest linear half car."""
 
     def __init__(
         self, car: Car, declared: Declared, times: Sequence[Vector], base: Sequence[Vector]
     ) -> None:
-        """Prepare for a car and its readings (N, 4) without a fault, of each run."""
+        """Prepare for a car and its readings (N, 4) without a fault, of each run.
+
+        ``floor`` is their squared distance from the true car, ``base`` that from the nearest one
+        with the priors' part.
+        """
         self.truth = np.array([*car.c, car.i, car.m, car.wdf, *car.k])
         self.declared = declared
         self.runs = [_Run(t, declared.sensors, self.truth, car.wheelbase) for t in times]
         inputs = [run.inputs(rows) for run, rows in zip(self.runs, base, strict=True)]
+        rest = self._misfit(np.zeros(7), inputs, base)
+        self.floor = float(rest @ rest)
         self.slope = self._slope(np.zeros(7), inputs, base)
         self.base = self.distance(base)
 
@@ -176,8 +204,8 @@ class Yardstick:
         prior, prior_slope = self._prior(q, declared)
         return misfit, prior, prior_slope, float(misfit @ misfit + prior @ prior)
 
-    def distance(self, rows: Sequence[Vector], declared: Declared | None = None) -> float:
-        """Squared distance that remains after the fit, with the priors' part."""
+    def fit(self, rows: Sequence[Vector], declared: Declared | None = None) -> Fit:
+        """Return the nearest linear half car."""
         declared = declared or self.declared
         inputs = [run.inputs(y) for run, y in zip(self.runs, rows, strict=True)]
         q, slope, fresh, brake = np.zeros(7), self.slope, False, 0.0
@@ -205,7 +233,11 @@ class Yardstick:
                 brake = max(10.0 * brake, 1e-3)
                 if brake > 1e4:
                     break
-        return cost
+        return Fit(q, misfit, prior, slope, prior_slope, cost)
+
+    def distance(self, rows: Sequence[Vector], declared: Declared | None = None) -> float:
+        """Squared distance that remains after the fit, with the priors' part."""
+        return self.fit(rows, declared).cost
 
     def strength(self, rows: Sequence[Vector], declared: Declared | None = None) -> float:
         """Squared distance beyond that of the same car without a fault."""

@@ -6,35 +6,25 @@ from collections.abc import Callable
 
 import numpy as np
 
-from .blueprint import Blueprint, Outcome, Spans, hull, point
-from .forces import (
-    DIGRESSIVE,
-    FRICTION,
-    SPRINGS,
-    STOPS,
-    UNEVEN,
-    Bristles,
-    Law,
-    Maxwell,
-    Plain,
-    Timed,
-)
+from .blueprint import Blueprint, Outcome, Spans, hull
+from .forces import DIGRESSIVE, SPRINGS, STOPS, UNEVEN, Law, Plain, Timed, lip_seal, strut_friction
 from .kinds import AXLES, Span, Vector, Whole, rows_of
+from .memories import AeratedOil, BoucWen, CubicBush, LateBall, Relaxing, Strokes, Zener
 from .scene import Scene
-from .simulate import Mechanism, Now
-from .spans import PAGE, axle_names, equal_power, fitted, records, trimmed
+from .simulate import Mechanism
+from .spans import PAGE, axle_names, equal_power, fitted, records, stop_laws, trimmed
 
 __all__ = ["FORMS", "suspension_fault"]
 
 FORMS: dict[str, tuple[str, ...]] = {
-    "bound_rebound": tuple(UNEVEN),
+    "bound_rebound": (*UNEVEN, "late ball"),
     "digressive_damper": tuple(DIGRESSIVE),
-    "damper_hysteresis": ("Maxwell", "gas that hardens", "rubber mount"),
-    "coulomb_friction": (*FRICTION, "Dahl", "LuGre"),
+    "damper_hysteresis": ("Zener mount", "aerated oil", "cubic bush"),
+    "coulomb_friction": ("Bouc-Wen", "lip seal", "loaded strut"),
     "progressive_spring": tuple(SPRINGS),
-    "bump_stop": tuple(STOPS),
-    "droop_stop": tuple(STOPS),
-    "damper_fade": ("linear", "exponential", "thermal", "S-shaped"),
+    "bump_stop": ("neo-Hookean block", "pad with dashpot", "relaxing rubber"),
+    "droop_stop": ("webbing with a toe", "neo-Hookean block", "relaxing rubber"),
+    "damper_fade": ("leaking seal", "late foam", "foaming by strokes"),
 }
 
 
@@ -73,22 +63,20 @@ def _power_rates(scene: Scene, axle: int, law: Law, outcome: Outcome) -> tuple[f
 
 
 def _bound_rebound(scene: Scene, where: str, form: str, rng: np.random.Generator) -> Blueprint:
-    rows, sign = rows_of(where), 1.0 if rng.random() < 0.7 else -1.0
-    c = _column(scene.car.c, rows)
+    rows, sign = rows_of(where), 1.0 if rng.random() < 0.65 else -1.0
+    c, late = _column(scene.car.c, rows), float(rng.uniform(0.001, 0.002))
 
     def mechanism(size: Vector, runs: Whole) -> Mechanism:
-        return Plain(rows, UNEVEN[form](c, sign * size))
+        if form in UNEVEN:
+            return Plain(rows, UNEVEN[form](c, sign * size))
+        return LateBall(rows, c, np.tanh(0.5 * sign * size), late)
 
     def spans(outcome: Outcome) -> Spans:
-        ratios, rounds, damping = [float(np.exp(sign * outcome.size))], [], []
+        ratios, damping = [float(np.exp(sign * outcome.size))], []
         for axle, answers in _per_axle("bound_rebound", scene, where, outcome):
             ratios += [float(np.exp(x[0])) for _, x, _ in answers]
-            rounds += [float(np.exp(x[1])) for _, x, _ in answers]
             damping.append((axle, trimmed([a[2] for a in answers], scene.car.c[axle])))
-        parameters = {"ratio": hull(*ratios)}
-        if form in ("tanh", "log cosh", "hyperbola"):
-            parameters["rounding"] = hull(*rounds)
-        return Spans(parameters, *_damping(damping))
+        return Spans({"ratio": hull(*ratios)}, *_damping(damping))
 
     return Blueprint("bound_rebound", where, form, (0.002, 1.6), mechanism=mechanism, spans=spans)
 
@@ -118,46 +106,46 @@ def _hysteresis(scene: Scene, where: str, form: str, rng: np.random.Generator) -
     rows = rows_of(where)
     c = _column(scene.car.c, rows)
     mean = float(np.mean(c))
+    usual = c * float(np.std(scene.history.rate[:, rows, :2]))
 
     def mechanism(size: Vector, runs: Whole) -> Mechanism:
         stiffness = np.ones_like(c) * (mean / size)
-        if form == "gas that hardens":
-            return Maxwell(rows, c, stiffness, hardens=mean * 0.25)
-        if form == "rubber mount":
-            return Maxwell(rows, c, stiffness, parallel=0.12 * c)
-        return Maxwell(rows, c, stiffness)
+        if form == "Zener mount":
+            return Zener(rows, c, stiffness)
+        if form == "aerated oil":
+            return AeratedOil(rows, c, stiffness, 8.0 * usual)
+        return CubicBush(rows, c, stiffness, 6.0 * usual)
 
     def spans(outcome: Outcome) -> Spans:
         values, damping = [mean / outcome.size], []
         for axle, answers in _per_axle("damper_hysteresis", scene, where, outcome):
-            if form != "Maxwell":
-                values += [float(np.exp(x[0])) for _, x, _ in answers]
-                damping.append((axle, trimmed([a[2] for a in answers], scene.car.c[axle])))
+            values += [float(np.exp(x[0])) for _, x, _ in answers]
+            damping.append((axle, trimmed([a[2] for a in answers], scene.car.c[axle])))
         return Spans({"stiffness": hull(*values)}, *_damping(damping))
 
-    span = (0.0007, 0.03) if form == "gas that hardens" else (0.0002, 0.03)
+    span = (0.0007, 0.03)
     return Blueprint("damper_hysteresis", where, form, span, mechanism=mechanism, spans=spans)
 
 
 def _friction(scene: Scene, where: str, form: str, rng: np.random.Generator) -> Blueprint:
     rows, load = rows_of(where), scene.car.mean_load
-    give = float(rng.uniform(0.0004, 0.0009))
+    give = float(rng.uniform(0.000012, 0.00003))
+    bias = float(rng.uniform(-0.1, 0.1))
+    reach = float(np.max(np.abs(scene.history.delta[:, rows, :2])))
 
     def mechanism(size: Vector, runs: Whole) -> Mechanism:
-        if form in FRICTION:
-            return Plain(rows, FRICTION[form](load * size))
-        return Bristles(rows, load * size, give, 0.25 if form == "LuGre" else 0.0)
+        if form == "loaded strut":
+            return Plain(rows, strut_friction(load * size, reach))
+        if form == "lip seal":
+            return Plain(rows, lip_seal(load * size, bias))
+        return BoucWen(rows, load * size, give)
 
     def spans(outcome: Outcome) -> Spans:
-        forces, slips, damping = [load * outcome.size], [], []
+        forces, damping = [load * outcome.size], []
         for axle, answers in _per_axle("coulomb_friction", scene, where, outcome):
             forces += [100.0 * float(x[0]) for _, x, _ in answers]
-            slips += [float(np.exp(x[1])) for _, x, _ in answers]
             damping.append((axle, trimmed([a[2] for a in answers], scene.car.c[axle])))
-        parameters = {"force": hull(*forces)}
-        if form in ("tanh", "arctan"):
-            parameters["slip"] = hull(*slips)
-        return Spans(parameters, *_damping(damping))
+        return Spans({"force": hull(*forces)}, *_damping(damping))
 
     return Blueprint(
         "coulomb_friction", where, form, (0.0003, 0.25), mechanism=mechanism, spans=spans
@@ -165,42 +153,41 @@ def _friction(scene: Scene, where: str, form: str, rng: np.random.Generator) -> 
 
 
 def _progressive(scene: Scene, where: str, form: str, rng: np.random.Generator) -> Blueprint:
-    rows, sign = rows_of(where), 1.0 if form == "cubic" or rng.random() < 0.75 else -1.0
+    maker, softens = SPRINGS[form]
+    rows, sign = rows_of(where), -1.0 if softens and rng.random() < 0.5 else 1.0
     k = _column(scene.car.k, rows)
     reach = float(np.max(np.abs(scene.history.delta[:, rows, :2])))
 
     def mechanism(size: Vector, runs: Whole) -> Mechanism:
-        return Plain(rows, SPRINGS[form](k, sign * size / reach**2))
+        return Plain(rows, maker(k, sign * size / reach**2))
 
     def spans(outcome: Outcome) -> Spans:
         values, damping = [sign * outcome.size / reach**2], []
         for axle, answers in _per_axle("progressive_spring", scene, where, outcome):
             values += [100.0 * float(x[0]) for _, x, _ in answers]
             damping.append((axle, trimmed([a[2] for a in answers], scene.car.c[axle])))
-        parameters = {"kappa": hull(*values)}
-        if form == "cubic":
-            parameters["curl"] = point(0.0)
-        elif form == "sinh" and sign > 0:
-            parameters["curl"] = point(0.3)
-        return Spans(parameters, *_damping(damping))
+        return Spans({"kappa": hull(*values)}, *_damping(damping))
 
     return Blueprint(
-        "progressive_spring", where, form, (0.002, 1.0), mechanism=mechanism, spans=spans
+        "progressive_spring", where, form, (0.002, 0.7), mechanism=mechanism, spans=spans
     )
 
 
 def _stop(scene: Scene, where: str, form: str, rng: np.random.Generator, sign: float) -> Blueprint:
     """Return a stop at one axle; its size is the share of the travel that lies beyond it."""
     rows, axle = rows_of(where), AXLES.index(where)
-    first = float(np.exp(rng.uniform(np.log(1.8), np.log(7.0)))) * float(np.mean(scene.car.k))
+    first = float(np.exp(rng.uniform(np.log(1.6), np.log(8.0)))) * float(np.mean(scene.car.k))
     peak = float(np.max(sign * scene.history.delta[:, axle, :2]))
-    law = STOPS[form]
+    fades = float(rng.uniform(0.03, 0.07))
 
     def gap_of(size: Vector) -> Vector:
         return np.asarray(peak * (1.0 - size))
 
     def mechanism(size: Vector, runs: Whole) -> Mechanism:
         gap = gap_of(size)
+        if form == "relaxing rubber":
+            return Relaxing(rows, sign, first, gap, fades)
+        law = STOPS[form]
 
         def force(delta: Vector, rate: Vector) -> Vector:
             d = np.maximum(sign * delta - gap, 0.0)
@@ -210,18 +197,15 @@ def _stop(scene: Scene, where: str, form: str, rng: np.random.Generator, sign: f
 
     def spans(outcome: Outcome) -> Spans:
         gap = float(gap_of(np.array(outcome.size)))
-        deepest = max(
-            float(np.max(sign * h.delta[:, axle, 0])) - gap for h in outcome.histories[:2]
-        )
-        d = np.linspace(0.0, max(deepest, 1e-5), 200)
-        force = law(first, d, np.zeros_like(d))
-        slopes = np.gradient(force, d)
-        straight = np.polyfit(d[40:], force[40:], 1)
-        meets = gap - float(straight[1]) / float(straight[0])
-        parameters = {"gap": hull(gap, meets)}
-        if form != "Hunt-Crossley":
-            parameters["rate"] = hull(float(slopes[1]), float(slopes[-2]))
-        return Spans(parameters)
+        runs = records(outcome.histories, scene.drives, [axle])
+        whole = fitted(stop_laws(sign, gap, first), runs, scene.car, axle)
+        # a run that does not meet the stop says nothing of it
+        answers = [a for a in whole if 0.8 * gap < 0.01 * a[1][1] < 1.2 * gap]
+        gaps = [gap, *(0.01 * float(x[1]) for _, x, _ in answers)]
+        rates = [first, *(float(np.exp(x[0])) for number, x, _ in answers if number == 0)]
+        kept = [r for r in rates if first / 6.0 < r < 6.0 * first]
+        damping = [(axle, trimmed([a[2] for a in answers], scene.car.c[axle]))]
+        return Spans({"gap": hull(*gaps), "rate": hull(*kept)}, *_damping(damping))
 
     name = "bump_stop" if sign < 0 else "droop_stop"
     return Blueprint(name, where, form, (0.01, 0.7), mechanism=mechanism, spans=spans)
@@ -235,54 +219,36 @@ def _droop(scene: Scene, where: str, form: str, rng: np.random.Generator) -> Blu
     return _stop(scene, where, form, rng, 1.0)
 
 
-class _Thermal:
-    """A damper that thins as it warms: memory is the work it has taken (J)."""
-
-    def __init__(self, rows: slice, c: Vector, size: Vector, work: Vector) -> None:
-        self.rows, self.c, self.size, self.work = rows, c, size, work
-        self.states = rows.stop - rows.start
-
-    def worn(self, taken: Vector) -> Vector:
-        """Share of the rate that is lost after work has been taken (J)."""
-        return np.asarray(self.size * np.expm1(-0.7 * taken / self.work) / np.expm1(-0.7))
-
-    def act(self, now: Now) -> None:
-        """Take away the lost share of the damper force."""
-        rate = now.rate[self.rows]
-        now.flow[:] = self.c * rate**2
-        now.force[self.rows] += self.c * self.worn(now.aux) * rate
-
-
 def _fade(scene: Scene, where: str, form: str, rng: np.random.Generator) -> Blueprint:
-    rows, bend = rows_of(where), float(rng.uniform(1.5, 3.0))
+    rows, power = rows_of(where), float(rng.uniform(1.4, 2.2))
     c = _column(scene.car.c, rows)
-    power = c[None] * scene.history.rate[:, rows] ** 2
-    work = np.max(np.sum(power[:, :, :2], 0), 1)[:, None] * scene.drives[0].step
+    ways = np.sum(np.abs(scene.history.rate[:, rows, :2]), 0) * scene.drives[0].step
+    whole = np.max(ways, 1)[:, None]
 
     def worn(share: Vector) -> Vector:
         s = np.clip(share, 0.0, 1.0)
-        if form == "exponential":
-            return np.asarray(np.expm1(-bend * s) / np.expm1(-bend))
-        if form == "S-shaped":
-            return s * s * (3.0 - 2.0 * s)
-        return s
+        return s * (2.0 - s) if form == "leaking seal" else s**power
 
     def mechanism(size: Vector, runs: Whole) -> Mechanism:
-        if form == "thermal":
-            return _Thermal(rows, c, size, work)
+        if form == "foaming by strokes":
+            return Strokes(rows, c, size, whole)
         shares = np.stack([d.half_times / d.length for d in scene.drives], 1)[:, runs]
         return Timed(rows, c, -size * worn(shares)[:, None, :])
 
     def spans(outcome: Outcome) -> Spans:
         losses, bends, damping = [outcome.size], [], []
-        for axle, answers in _per_axle("damper_fade", scene, where, outcome):
+        for axle, whole_answers in _per_axle("damper_fade", scene, where, outcome):
+            # before the obstacle nothing moves, and a free bend may put any rate there
+            true = scene.car.c[axle]
+            most = 0.02 + 0.4 * outcome.size
+            answers = [a for a in whole_answers if abs(np.log(a[2] / true)) < most]
             losses += [float(x[0]) for _, x, _ in answers]
             bends += [float(x[1]) for number, x, _ in answers if number == 0]
             damping.append((axle, trimmed([a[2] for a in answers], scene.car.c[axle])))
-        if form in ("linear", "exponential"):
-            exact = {"linear": 0.0, "exponential": bend}[form]
-            return Spans({"loss": point(outcome.size), "bend": point(exact)})
-        return Spans({"loss": hull(*losses), "bend": hull(*bends)}, *_damping(damping))
+        parameters = {"loss": hull(*losses)}
+        if bends and form != "foaming by strokes":
+            parameters["bend"] = hull(*bends)
+        return Spans(parameters, *_damping(damping))
 
     return Blueprint("damper_fade", where, form, (0.004, 0.75), mechanism=mechanism, spans=spans)
 

@@ -12,8 +12,8 @@ import numpy as np
 
 from .blueprint import Blueprint, Outcome, Spans, hull
 from .declared import Declared
+from .forces import Inertance
 from .kinds import AXLES, CHANNELS, Vector, Whole
-from .outside_car import Rocker
 from .scene import Scene
 from .sensors import Motion, Sensing
 from .simulate import Mechanism, Now
@@ -32,9 +32,12 @@ class _Axle:
         self.axle, self.c, self.k = axle, scene.car.c[axle], scene.car.k[axle]
         ratio = float(np.exp(0.03 * draw[0]))
         self.a = (ratio - 1.0) / (ratio + 1.0)
-        self.knee = 2.5 / max(abs(float(draw[1])), 1e-3)
+        fast = float(np.max(np.abs(scene.history.rate[:, axle])))
+        reach = float(np.max(np.abs(scene.history.delta[:, axle])))
+        # nonlinearity is proportional to the draw, and at most 3 % over the range used for one
+        self.knee = max(2.5, 4.0 * fast) / np.sqrt(max(abs(float(draw[1])), 1e-3))
         self.friction = 0.0015 * scene.car.mean_load * abs(float(draw[2]))
-        self.kappa = 6.0 * float(draw[3])
+        self.kappa = min(6.0, 0.03 / reach**2) * float(draw[3])
         self.loss = 0.015 * float(draw[4])
         self.factor = float(np.exp(0.003 * draw[5]))
         self.shares = np.stack(
@@ -44,7 +47,8 @@ class _Axle:
     def damper(self, rate: Vector) -> Vector:
         """Force of the damper against its rate, as at the start of a run, N."""
         uneven = 1.0 + self.a * rate / np.hypot(rate, 0.015)
-        return np.asarray(self.c * rate * uneven / np.sqrt(1.0 + (rate / self.knee) ** 2))
+        lost = 50.0 / 51.0 * (1.0 - 1.0 / np.hypot(1.0, rate / self.knee))
+        return np.asarray(self.c * rate * uneven * (1.0 - lost))
 
     def act(self, now: Now) -> None:
         """Add what differs from −kδ − cδ̇."""
@@ -64,20 +68,20 @@ class _Both:
     def __init__(self, scene: Scene, seed: int, runs: Whole) -> None:
         rng = np.random.default_rng(seed)
         self.axles = [_Axle(scene, n, rng, runs) for n in range(2)]
-        self.rockers: list[Rocker] = []
+        self.lags: list[Inertance] = []
         behind = 500.0 * float(np.mean(scene.car.k))
         for n in range(2):
             soft = abs(float(rng.standard_normal())) / behind
             # a damper that lags by τ = c/K has the force of −cτ of inertia
             inertia = -(scene.car.c[n] ** 2) * soft / scene.car.unsprung[n]
-            self.rockers.append(Rocker(scene.car, n, np.full(len(runs), inertia)))
+            self.lags.append(Inertance(scene.car, n, np.full(len(runs), inertia)))
 
     def act(self, now: Now) -> None:
         """Add the forces of both axles."""
         for axle in self.axles:
             axle.act(now)
-        for rocker in self.rockers:
-            rocker.act(now)
+        for lag in self.lags:
+            lag.act(now)
 
 
 def _straight(at_rest: float, slope: float) -> Callable[[Vector, int], Vector]:
@@ -103,7 +107,7 @@ def tolerances(scene: Scene, rng: np.random.Generator) -> Blueprint:
 
     def mount(motion: Motion, run: int) -> Motion:
         felt = {c: a * float(gain[c]) for c, a in motion.acceleration.items()}
-        return Motion(motion.begin, motion.step, felt, motion.pitch, motion.pitching)
+        return Motion(motion.begin, motion.step, felt)
 
     def sensing(size: float) -> Sensing:
         poles: dict[str, tuple[complex, ...]] = {}
