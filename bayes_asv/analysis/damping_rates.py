@@ -22,7 +22,7 @@ from numpy.typing import NDArray
 
 from bayes_asv.analysis.curve_shapes import SLOWEST, CurveShape, curve_shapes, log_bend, ratio
 from bayes_asv.filters.force_laws import excess_many
-from bayes_asv.filters.suspension_forces import damper_force_history
+from bayes_asv.filters.suspension_forces import resisting_force_history
 from bayes_asv.models.effects import PlacedEffect
 from bayes_asv.models.effects.piecewise_slope import between_knots
 from bayes_asv.posterior.effects import law_table
@@ -115,7 +115,11 @@ def damping_rates(
     runs = range(len(space.recordings))
     states = [posterior.innovations_and_variances(mode, run)[2] for run in runs]
     picked = np.linspace(0, len(z) - 1, min(len(z), MAX_DRAWS)).astype(int)
-    tables = np.stack([_table(posterior, laws, one) for one in z[picked]])
+    friction = [placed for placed in space.placed_effects if placed.effect.dissipative]
+    curves, tables = (
+        [_table(posterior, chosen, one) for one in z[picked]]
+        for chosen in (laws, [*laws, *friction])
+    )
     out = []
     for e, element in enumerate(space.car.elements):
         laws_of_element = [placed for placed in laws if e in placed.elements(space.car)]
@@ -131,12 +135,13 @@ def damping_rates(
         grid = np.concatenate([-side, side, shown])
         c = draws[element.damping].ravel()[picked]
         curve = np.zeros((len(picked), len(grid)))
-        for n, (one, table) in enumerate(zip(c, tables, strict=True)):
+        for n, (one, table) in enumerate(zip(c, curves, strict=True)):
             zero = np.zeros_like(grid)
             curve[n] = one * grid - excess_many(table, e, one, 0.0, zero, grid, zero, 1.0)[:, 0]
-        power = _friction_power(posterior, z[picked], e, np.concatenate(rates))
+        power = np.zeros(len(picked))
         for rate, recording in zip(rates, space.recordings, strict=True):
-            power += damper_force_history(tables, e, c, rate, recording.measurements.step) @ rate
+            step = recording.measurements.step
+            power += resisting_force_history(np.stack(tables), e, c, rate, step) @ rate
         compression, extension = -curve[:, : len(side)], curve[:, len(side) : 2 * len(side)]
         free_form = any(placed.effect.free_form for placed in laws_of_element)
         force = curve[:, 2 * len(side) :]
@@ -197,21 +202,6 @@ def _shapes(compression: Array, extension: Array) -> tuple[CurveShape, ...]:
     }
     sides = ratio(extension[:, 1], compression[:, 1])
     return curve_shapes(bends, sides, ("digressive", "progressive"), _BENT)
-
-
-def _friction_power(posterior: Posterior, z: Array, element: int, rate: Array) -> Array:
-    """Return the sum (N,) of friction force times rate of deflection over all instants, N·m/s."""
-    space = posterior.space
-    friction = [
-        placed
-        for placed in space.placed_effects
-        if placed.effect.dissipative and element in placed.elements(space.car)
-    ]
-    zero, out = np.zeros_like(rate), np.zeros(len(z))
-    for n, one in enumerate(z) if friction else ():
-        table = _table(posterior, friction, one)
-        out[n] = -excess_many(table, element, 0.0, 0.0, zero, rate, zero, 1.0)[:, 0] @ rate
-    return out
 
 
 def _table(posterior: Posterior, laws: list[PlacedEffect], z: Array) -> Array:

@@ -18,7 +18,7 @@ from bayes_asv.diagnosis.model_comparison import ExtendedModel
 from bayes_asv.diagnosis.simulation_error import ErrorChange
 from bayes_asv.diagnosis.thresholds import (
     CLEARLY_WORSE,
-    MIN_PROBABILITY,
+    LEAST_ODDS,
     RELIABILITY_BESIDE_FAULT,
     RELIABILITY_WITHOUT_ALTERNATIVE,
 )
@@ -161,22 +161,30 @@ class DiagnosisResult:
 
     @property
     def reliability(self) -> float:
-        """Factor on probabilities if something unexplained may be the true cause.
+        """Factor on the probabilities of named effects if an unlisted fault may be the true cause.
 
-        The probability of the named effects against an unlisted fault in their place, but no less
-        than the least that is named, since evidences have errors; and less if something unexplained
-        was detected.
+        It is the probability of the named effects against such a fault in their place, bounded
+        since evidences have errors, and less if something unexplained was detected.
         """
         if self.unexplained is None or not self.unexplained.present:
             return 1.0
-        alternative = self.unexplained.alternative  # −∞ if none was compared
-        probability = max(float(expit(-alternative)), MIN_PROBABILITY)
-        if not self.unexplained.detected:
-            return probability
+        odds = float(expit(-self.unexplained.alternative))  # 1 if none was compared
+        return max(odds, LEAST_ODDS) * self._beside_remainder
+
+    @property
+    def _beside_remainder(self) -> float:
+        """Factor on all probabilities if something unexplained was detected."""
+        if self.unexplained is None or not self.unexplained.detected:
+            return 1.0
+        alternative = self.unexplained.alternative
         if math.isfinite(alternative) and alternative < -CLEARLY_WORSE:
-            return RELIABILITY_WITHOUT_ALTERNATIVE * probability
-        return RELIABILITY_BESIDE_FAULT * probability
+            return RELIABILITY_WITHOUT_ALTERNATIVE
+        return RELIABILITY_BESIDE_FAULT
 
     def probability_of(self, cause: NamedEffect | Engine) -> float:
-        """Probability that a cause is present, in view of what remains unexplained."""
-        return cause.probability * self.reliability
+        """Probability that a cause is present, in view of what remains unexplained.
+
+        An engine is removed before effects are compared with unlisted faults: both have it.
+        """
+        factor = self._beside_remainder if isinstance(cause, Engine) else self.reliability
+        return cause.probability * factor

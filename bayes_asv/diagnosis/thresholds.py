@@ -15,6 +15,7 @@ __all__ = [
     "EXCESS_NOISE",
     "FIRST_ORDER_ERROR",
     "FURTHER_LEVEL",
+    "LEAST_ODDS",
     "MAX_EFFECTS",
     "MIN_INFORMATION_SHARE",
     "MIN_PROBABILITY",
@@ -102,8 +103,16 @@ It corresponds to 1.6 prior standard deviations: the logarithm of a declared lev
 deviation of 0.2.
 """
 
+LEAST_ODDS: Final = 0.1
+"""Least probability of named effects against an unlisted fault in their place.
+
+Where that fault explained the recordings better, 1 of 21 names was true (164 development cases of
+another author, ``docs/blind.md``), however large the difference of evidences.
+"""
+
 RELIABILITY_BESIDE_FAULT: Final = 0.34
-"""Factor on the probability of a named effect if something unexplained was detected beside it.
+"""Factor on the probability of a named effect if something unexplained was detected beside it, in
+addition to its probability against an unlisted fault, which is near one for most such names.
 
 Tuned on 1292 cars of the battery (seeds 62 and 64), where 13 of 46 such effects were true, and on
 164 development cases of another author (``docs/blind.md``), where 9 of 19 were.  It applies to

@@ -2,7 +2,9 @@
 
 A row of the table is ``(element, code, p0, p1, …)``, filled up with zeros.  Spring and damper
 laws multiply what they change, so that they compose; stops, friction and outside forces add.  Every
-branch keeps the value and its slopes.  The readable forms stand in :mod:`bayes_asv.models.effects`.
+branch keeps the value and its slopes.  Forces with memory are those of steady motion here, and
+:mod:`bayes_asv.filters.suspension_forces` carries them.  The readable forms stand in
+:mod:`bayes_asv.models.effects`.
 """
 
 from __future__ import annotations
@@ -163,7 +165,7 @@ def _spring_curve(p: Numbers, delta: Vector) -> Pair:
 
 
 def _coulomb(p: Numbers, delta: Vector, rate: Vector, time: Vector) -> tuple[Vector, ...]:
-    """Take p0 = force, N, and p1 = slip speed, m/s; once it slips, whatever p2 is."""
+    """Take p0 = force, N, and p1 = slip speed, m/s: steady motion, without the memory of p2."""
     root = sqrt(rate * rate + p[1] * p[1])
     slope = p[0] * p[1] * p[1] / (root * root * root)
     return -p[0] * rate / root, 0.0 * rate, -slope

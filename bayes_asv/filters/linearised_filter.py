@@ -24,9 +24,8 @@ class LinearisedFilter(NamedTuple):
     """The filter of one recording and one parameter set, linearised along its own path.
 
     With n = nx + ne + nm + nd + nu + 2 ny states: those of the car, forces that passed the sensors'
-    filter, forces of dampers in series with a stiffness, biases and noise of the inputs, biases and
-    noise of the outputs.  The first nx + ne + nm are carried, and those before the outputs' drive
-    them.
+    filter, forces with memory, biases and noise of the inputs, biases and noise of the outputs.
+    The first nx + ne + nm are carried, and those before the outputs' drive them.
 
     Parameters
     ----------

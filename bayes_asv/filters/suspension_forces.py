@@ -64,8 +64,8 @@ from bayes_asv.filters.vector_steps import (
 )
 
 __all__ = [
-    "LawWorkspace", "advance_forces", "bend_weights", "damper_force_history", "force_weights",
-    "law_workspace", "rate_slopes",
+    "LawWorkspace", "advance_forces", "bend_weights", "force_weights", "law_workspace",
+    "rate_slopes", "resisting_force_history",
 ]  # fmt: skip
 
 Array = NDArray[np.float64]
@@ -240,6 +240,36 @@ def _forces(
 
 
 @njit(**INLINE)
+def _rates_around(
+    n: int, begin: float, end: float, last: float, up: float, back: float
+) -> tuple[float, float]:
+    """Return the rates of deflection at both ends of part n of a step.
+
+    ``last`` is that at the beginning of the step before.  Along the step they are begin +
+    (end − begin) s + bend (s² − s)/2, where the bend grows by ``up`` with the end and falls by
+    ``up + back`` with the beginning.
+    """
+    s, t = n / _PARTS, (n + 1) / _PARTS
+    bend = up * (end - begin) - back * (begin - last)
+    early = begin + (end - begin) * s + bend * 0.5 * (s * s - s)
+    return early, begin + (end - begin) * t + bend * 0.5 * (t * t - t)
+
+
+@njit(**INLINE)
+def _chain_slopes(
+    n: int, q: int, kept: float, by_early: float, by_later: float, series: Array
+) -> None:
+    """Carry slopes of a force in itself and in the rates at both ends of a step over its part n.
+
+    ``by_early`` and ``by_later`` are those in the rates at the ends of the part, without the bend.
+    """
+    s, t = n / _PARTS, (n + 1) / _PARTS
+    series[0, q] *= kept
+    series[1, q] = series[1, q] * kept + by_early * (1.0 - s) + by_later * (1.0 - t)
+    series[2, q] = series[2, q] * kept + by_early * s + by_later * t
+
+
+@njit(**INLINE)
 def _carry_series_damper(
     table: Array,
     element: int,
@@ -268,8 +298,7 @@ def _carry_series_damper(
     begin, end, last : (L,) arrays
         Rates of deflection at its ends, and at the beginning of the step before (m/s).
     up, back : float
-        Rates along the step are begin + (end − begin) s + bend (s² − s)/2, where ``bend`` grows
-        by ``up`` with the end and falls by ``up + back`` with the beginning.
+        Of :func:`_rates_around`.
     h : float
         Length of the step, s.
     series : (4, L) array
@@ -310,24 +339,15 @@ def _carry_series_damper(
                     at[q] = 0.5 * (low[q] + high[q])
             if not moved:
                 break
-        s, t = n / _PARTS, (n + 1) / _PARTS
-        hump, humped = 0.5 * (s * s - s), 0.5 * (t * t - t)
         for q in range(LANES):
             K = table[row, 2, q]
             z = K * part / slope[q]
             kept = math.exp(-z)
             first = (1.0 - kept) / z if z > 1e-6 else 1.0 - 0.5 * z
             second = (1.0 - first) / z if z > 1e-6 else 0.5 - z / 6.0
-            bend = up * (end[q] - begin[q]) - back * (begin[q] - last[q])
-            early = begin[q] + (end[q] - begin[q]) * s + bend * hump
-            later = begin[q] + (end[q] - begin[q]) * t + bend * humped
+            early, later = _rates_around(n, begin[q], end[q], last[q], up, back)
             ahead[q] += part * K * (first * (early - at[q]) + second * (later - early))
-            by_early, by_later = part * K * (first - second), part * K * second
-            series[0, q] *= kept
-            series[1, q] = series[1, q] * kept + by_early * (1.0 - s)
-            series[1, q] += by_later * (1.0 - t)
-            series[2, q] = series[2, q] * kept + by_early * s
-            series[2, q] += by_later * t
+            _chain_slopes(n, q, kept, part * K * (first - second), part * K * second, series)
 
 
 @njit(**INLINE)
@@ -353,38 +373,33 @@ def _carry_friction(
         return
     part = h / _PARTS
     for n in range(_PARTS):
-        s, t = n / _PARTS, (n + 1) / _PARTS
-        hump, humped = 0.5 * (s * s - s), 0.5 * (t * t - t)
         for q in range(LANES):
             level, slip, d = table[row, 2, q], table[row, 3, q], table[row, 4, q]
-            bend = up * (end[q] - begin[q]) - back * (begin[q] - last[q])
-            early = begin[q] + (end[q] - begin[q]) * s + bend * hump
-            later = begin[q] + (end[q] - begin[q]) * t + bend * humped
+            early, later = _rates_around(n, begin[q], end[q], last[q], up, back)
             middle = 0.5 * (early + later)
             w0 = math.sqrt(early * early + slip * slip)
             w1 = math.sqrt(later * later + slip * slip)
             w = math.sqrt(middle * middle + slip * slip)
             z = part * (w0 + 4.0 * w + w1) / (6.0 * d)
             kept = math.exp(-z)
+            # weights of the mean of what it tends to, its slope in z, and weight of that at the end
             if z > 0.05:
-                mean = ((1.0 - kept) / z - kept) / z
-                bent = (kept - 2.0 * mean) / z
+                by_mean = ((1.0 - kept) / z - kept) / z
+                by_mean_slope = (kept - 2.0 * by_mean) / z
                 at_end = 1.0 + kept - 2.0 * (1.0 - kept) / z
-            else:
-                mean = 0.5 - z * (1.0 / 3.0 - z * (0.125 - z / 30.0))
-                bent = -1.0 / 3.0 + z * (0.25 - z * (0.1 - z / 36.0))
+            else:  # series, where differences would lose their digits
+                by_mean = 0.5 - z * (1.0 / 3.0 - z * (0.125 - z / 30.0))
+                by_mean_slope = -1.0 / 3.0 + z * (0.25 - z * (0.1 - z / 36.0))
                 at_end = z * z * (1.0 / 6.0 - z * (1.0 / 12.0 - z / 40.0))
-            given = 2.0 * level * part / d
-            by_z = (2.0 * mean - kept) * level * later / w1 + given * middle * bent
+            elastic = 2.0 * level * part / d  # twice the force that a rate of 1 m/s adds
+            by_z = (2.0 * by_mean - kept) * level * later / w1 + elastic * middle * by_mean_slope
             by_z -= kept * ahead[q]
-            ahead[q] = kept * ahead[q] + at_end * level * later / w1 + given * middle * mean
+            ahead[q] = kept * ahead[q] + at_end * level * later / w1 + elastic * middle * by_mean
             by_early = by_z * part / (6.0 * d) * (early / w0 + 2.0 * middle / w)
-            by_early += 0.5 * given * mean
+            by_early += 0.5 * elastic * by_mean
             by_later = by_z * part / (6.0 * d) * (later / w1 + 2.0 * middle / w)
-            by_later += 0.5 * given * mean + at_end * level * slip * slip / (w1 * w1 * w1)
-            series[0, q] *= kept
-            series[1, q] = series[1, q] * kept + by_early * (1.0 - s) + by_later * (1.0 - t)
-            series[2, q] = series[2, q] * kept + by_early * s + by_later * t
+            by_later += 0.5 * elastic * by_mean + at_end * level * slip * slip / (w1 * w1 * w1)
+            _chain_slopes(n, q, kept, by_early, by_later, series)
 
 
 @njit(**INLINE)
@@ -423,9 +438,10 @@ def advance_forces(
     their slopes in deflection and rate, ``rate`` (2, ne, L) the rates there.  The forces ``added``
     (N, ne) go straight from instant to instant.  ``bends`` (2,) are those of :func:`bend_weights`.
     ``last`` (2, ne, L) holds force and rate at the beginning of the step before; it is made ready
-    for the next step.  ``series`` (4, nm, L) gets what each force with memory makes of itself and
-    of the rates at both ends, and the rate at a damper in series with a stiffness; the first ns of
-    them (0 or ne) are forces of such dampers, the others of friction.
+    for the next step.  ``series`` (4, nm, L) gets the slopes of each force with memory in itself
+    and in the rates at both ends, and the rate at a damper in series with a stiffness; the first ns
+    of them (0 or ne) are forces of such dampers, the others of friction, which has slipped in
+    neither direction before the recording.
     """
     whole = elapsed[-1]
     nonlinear = table.shape[1] > 0
@@ -460,8 +476,10 @@ def advance_forces(
     )  # fmt: skip
 
 
-def damper_force_history(tables: Array, element: int, c: Array, rate: Array, step: Array) -> Array:
-    """Return the forces of an element's damper against its rate of deflection in a recording.
+def resisting_force_history(
+    tables: Array, element: int, c: Array, rate: Array, step: Array
+) -> Array:
+    """Return the forces of an element's damper and friction against its rate of deflection.
 
     Parameters
     ----------
@@ -479,8 +497,8 @@ def damper_force_history(tables: Array, element: int, c: Array, rate: Array, ste
     Returns
     -------
     (W, N) array
-        Forces, N, at a share of zero of the recording, and from the damper's law alone at the
-        first instant.
+        Forces, N, at a share of zero of the recording, and at the first instant from the damper's
+        law alone.
     """
     laws, rates = lanes_last(tables), lanes_last(c)
     out = [
@@ -493,18 +511,30 @@ def damper_force_history(tables: Array, element: int, c: Array, rate: Array, ste
 def _force_history(table: Array, element: int, c: Array, rate: Array, step: Array) -> Array:
     """Return forces (N, L) with laws (K, P, L) and rates (L,)."""
     work = law_workspace(element + 1)
-    out, series, rates = np.empty((len(rate), LANES)), np.zeros((4, LANES)), np.empty((3, LANES))
+    series, rates = np.zeros((2, 4, LANES)), np.empty((3, LANES))
+    damper, friction = np.empty((len(rate), LANES)), np.zeros((len(rate), LANES))
     for k in range(len(rate)):
         rates[0], rates[1], rates[2] = rate[max(k - 2, 0)], rate[max(k - 1, 0)], rate[k]
         if k == 0:
             damper_forces(
-                table, element, c, rates[2], work.moment, work.parts[element], out[0], series[0]
+                table,
+                element,
+                c,
+                rates[2],
+                work.moment,
+                work.parts[element],
+                damper[0],
+                series[0, 0],
             )
-            series[3] = rate[0]
+            series[0, 3] = rate[0]
             continue
         up, back = bend_weights(step[k], step[k - 1] if k > 1 else 0.0)
         _carry_series_damper(
-            table, element, c, out[k - 1], rates[1], rates[2], rates[0], up, back, step[k], work,
-            series, out[k],
+            table, element, c, damper[k - 1], rates[1], rates[2], rates[0], up, back, step[k], work,
+            series[0], damper[k],
         )  # fmt: skip
-    return out
+        _carry_friction(
+            table, element, friction[k - 1], rates[1], rates[2], rates[0], up, back, step[k],
+            series[1], friction[k],
+        )  # fmt: skip
+    return damper + friction

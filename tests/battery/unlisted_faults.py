@@ -208,6 +208,7 @@ UNLISTED_FAULTS: Final[Mapping[str, EffectFactory]] = {
 
 NAMES: Final[Mapping[str, str]] = {
     "maxwell_mount": "damper_hysteresis",
+    "bouc_wen": "coulomb_friction",
     "progressive_damper": "damper_curve",
 }
-"""Names that a diagnosis has for some of them: laws of a damper in another form."""
+"""Names that a diagnosis has for some of them: laws of a damper or of friction in another form."""

@@ -7,6 +7,7 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
+from bayes_asv.diagnosis.engine import Engine, IntervalEstimate
 from bayes_asv.diagnosis.misspecification_test import (
     MisspecificationResult,
     best_alternative,
@@ -44,6 +45,20 @@ def test_odds_against_an_unlisted_fault_lower_the_probability_of_a_name(behind: 
     assert with_alternative.present
     assert not with_alternative.detected
     assert _reliability(with_alternative) == pytest.approx(1.0 / (1.0 + np.exp(-behind)))
+
+
+def test_an_engine_that_both_explanations_have_is_as_probable_beside_either() -> None:
+    engine = Engine(
+        IntervalEstimate(25.0, 24.0, 26.0), IntervalEstimate(30.0, 25.0, 35.0), (25.0,), 0.97
+    )
+    vehicle = case("null/bump~baja", 5, 0).vehicle
+    better = replace(NOTHING, alternative=20.0)
+    beside, detected = (
+        DiagnosisResult("named", (), (), (), vehicle, 0, unexplained=one).probability_of(engine)
+        for one in (better, replace(better, p_unlisted=1e-4))
+    )
+    assert beside == 0.97
+    assert 0.2 < detected < 0.5
 
 
 def test_a_name_is_not_lost_to_an_unlisted_fault_that_explains_more() -> None:

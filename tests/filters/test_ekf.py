@@ -28,6 +28,7 @@ CASES = {
     "bound_rebound@front": {"ratio": 3.0, "rounding": 0.02},
     "digressive_damper@rear": {"knee": 0.2, "drop": 6.0},
     "coulomb_friction@front": {"force": 60.0, "slip": 0.02, "presliding": 4e-4},
+    "coulomb_friction@rear": {"force": 40.0, "slip": 0.02, "presliding": 1e-3},
     "progressive_spring@rear": {"kappa": 200.0, "curl": 0.15},
     "bump_stop@front": {"gap": 0.02, "rate": 60000.0, "onset": 0.003, "power": 1.3},
     "damper_fade@rear": {"loss": 0.4, "bend": 1.2},
@@ -39,6 +40,10 @@ CASES = {
         **{f"compression_{k}": -0.3 for k in range(1, 16)},
         **{f"extension_{k}": 0.09 for k in range(1, 16)},
     },
+}
+APART = {
+    placed_effect("damper_hysteresis@front"): {"stiffness": 90000.0},
+    placed_effect("coulomb_friction@rear"): {"force": 40.0, "slip": 0.02, "presliding": 1e-3},
 }
 STIFFNESS = placed_effect("damper_hysteresis@front")
 SERIES = {
@@ -117,19 +122,20 @@ def _rubs(values: Mapping[str, float], rate: float, elastic: float) -> float:
     return float(rate - speed * elastic / values["presliding"])
 
 
-@pytest.mark.parametrize("presliding", [2e-5, 4e-4, 3e-3])
-def test_friction_gives_before_it_slips(posterior: Posterior, presliding: float) -> None:
+@pytest.mark.parametrize(("axle", "presliding"), [(0, 2e-5), (0, 4e-4), (0, 3e-3), (1, 4e-4)])
+def test_friction_gives_before_it_slips(posterior: Posterior, axle: int, presliding: float) -> None:
     """Against a solver whose state is what has given."""
     values = {"force": 60.0, "slip": 0.02, "presliding": presliding}
+    where = placed_effect(f"coulomb_friction@{('front', 'rear')[axle]}")
 
     def force(x: np.ndarray, share: float, c: float, k: float) -> float:
         return float(-values["force"] * x[6] / presliding)
 
     output, wanted = _simulated(
-        posterior, {placed_effect("coulomb_friction@front"): values}, 0, force,
-        lambda x, c: [_rubs(values, x[1], x[6])],
+        posterior, {where: values}, axle, force,
+        lambda x, c: [_rubs(values, x[2 * axle + 1], x[6])],
     )  # fmt: skip
-    linear, _ = _simulated(posterior, {}, 0, lambda x, share, c, k: 0.0)
+    linear, _ = _simulated(posterior, {}, axle, lambda x, share, c, k: 0.0)
     error = np.sqrt(np.mean((output - wanted) ** 2))
     assert error < 0.01 * np.sqrt(np.mean((wanted - linear) ** 2))
 
@@ -179,7 +185,7 @@ def test_innovations_of_a_series_damper_do_not_depend_on_their_lanes(posterior: 
     np.testing.assert_allclose(values, alone, rtol=1e-9)
 
 
-@pytest.mark.parametrize("name", [*CASES, "damper_hysteresis@front", "none"])
+@pytest.mark.parametrize("name", [*CASES, "damper_hysteresis@front", "apart", "none"])
 @pytest.mark.parametrize("changed", ["inputs", "readings", "forces"])
 def test_the_linearised_filter_responds_as_the_filter_does(
     posterior: Posterior, name: str, changed: str
@@ -189,8 +195,8 @@ def test_the_linearised_filter_responds_as_the_filter_does(
     The Jacobian of a step leaves out the bend of the forces' path.  With what the bend owes to the
     step alone, the response of a damper in series with a stiffness would be off by a third.
     """
-    values: Values = {} if name == "none" else {placed_effect(name): CASES.get(name, {})}
-    values = SERIES if name == "damper_hysteresis@front" else values
+    values: Values = {placed_effect(name): CASES[name]} if name in CASES else {}
+    values = {"damper_hysteresis@front": SERIES, "apart": APART}.get(name, values)
     recording = posterior.space.recordings[0]
     z = np.full((1, posterior.space.dimension), 0.1)
     system, noise = posterior.space.state_space(z, 0), posterior.space.noises(z, 0)

@@ -9,8 +9,8 @@ from scipy.optimize import brentq
 
 from bayes_asv.filters.suspension_forces import (
     _carry_series_damper,
-    damper_force_history,
     law_workspace,
+    resisting_force_history,
 )
 from bayes_asv.filters.vector_code import LANES, lanes_last
 from bayes_asv.models.effects import EFFECTS
@@ -53,7 +53,7 @@ def test_its_force_is_that_of_a_stiff_solver(speed: float) -> None:
     exact = solve_ivp(slope, (0.0, 0.25), [0.0], "Radau", time, rtol=1e-7, atol=1e-4).y[0]
     step = np.diff(time, prepend=0.0)
     rates = np.array([rate(t) for t in time])
-    (found,) = damper_force_history(law[None], 0, np.array([C]), rates, step)
+    (found,) = resisting_force_history(law[None], 0, np.array([C]), rates, step)
     assert np.max(np.abs(found - exact)) < 0.02 * np.max(np.abs(exact))
 
 
@@ -87,7 +87,7 @@ def test_a_curve_that_hardly_rises_leaves_its_force_finite() -> None:
     )
     time = np.arange(0.0, 1.0, 0.0025)
     rates = 0.8 * np.sin(2.0 * np.pi * 3.0 * time)
-    (force,) = damper_force_history(
+    (force,) = resisting_force_history(
         law[None], 0, np.array([1400.0]), rates, np.diff(time, prepend=0.0)
     )
     assert np.all(np.isfinite(force))

@@ -151,7 +151,7 @@ class Effect:
     code : int
         Branch of :mod:`bayes_asv.filters.force_laws`; −1 for other effects.
     packed : callable or None
-        From the parameters' values to the branch's p0 … p3.
+        From the parameters' values to the branch's numbers p0, p1, ….
     force : callable or None
         Reference implementation: force in addition to −k δ − c δ̇, N, as a function of the
         parameters' values, c, k, δ, δ̇ and the elapsed share of the recording.
