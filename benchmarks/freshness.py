@@ -1,7 +1,8 @@
 """Which published results belong to the present code, and one command that renews the others.
 
-A result names the commit that it was computed with.  It is of the present code if none of the files
-that its benchmark imports, directly or not, has changed since.  ``python -m benchmarks.freshness``
+A result names the commit that it was computed with.  It is of the present code if no statement of
+the files that its benchmark imports, directly or not, has changed since; comments, docstrings and
+the layout of lines compute nothing.  ``python -m benchmarks.freshness``
 writes two pages from the results, ``docs/evidence.md``, which says so for each, and
 ``benchmarks/README.md``, and the passages of other pages that begin with a comment
 ``figures of NAME``; with ``--renew`` it first runs the benchmarks whose results are older, one
@@ -250,8 +251,36 @@ def status(result: Result) -> str:
     if not all(known):
         return f"{text}, of which not all are in the history of this branch"
     files = sorted(frozenset[str]().union(*(sources(module) for module in result.modules)))
-    changed = [_git("diff", "--quiet", commit, "--", *files).returncode != 0 for commit in named]
+    changed = [_statements_changed(commit, files) for commit in named]
     return f"{text}, {'older than the code' if any(changed) else 'of the present code'}"
+
+
+def _statements_changed(commit: str, files: list[str]) -> bool:
+    """Whether files of the tree differ from those of a commit in more than comments."""
+    names = _git("diff", "--name-only", commit, "--", *files).stdout.splitlines()
+    return any(
+        not name.endswith(".py")
+        or _statements(_git("show", f"{commit}:{name}").stdout)
+        != _statements((ROOT / name).read_text("utf-8"))
+        for name in names
+    )
+
+
+def _statements(code: str) -> str:
+    """Return a module without comments, docstrings and layout."""
+    tree = ast.parse(code)
+    for node in ast.walk(tree):
+        if isinstance(node, ast.Module | ast.ClassDef | ast.FunctionDef | ast.AsyncFunctionDef):
+            node.body = [
+                one
+                for one in node.body
+                if not (
+                    isinstance(one, ast.Expr)
+                    and isinstance(one.value, ast.Constant)
+                    and isinstance(one.value.value, str)
+                )
+            ]
+    return ast.dump(tree)
 
 
 class Published:

@@ -23,7 +23,7 @@ LAWS = {
     "bound_rebound": r"""$F=-k\delta-c\,\dot\delta\Big(1+a\frac{\dot\delta}{\sqrt{\dot\delta^2+b^2}}\Big)$
 with $a=(\text{ratio}-1)/(\text{ratio}+1)$; $c$ is the mean of the two rates.""",
     "digressive_damper": r"""$F=-k\delta-c\,\dot\delta\,\big(1-s+s/\sqrt{1+(\dot\delta/\text{knee})^2}\big)$ with
-$s=\text{drop}/(1+\text{drop})$; $c$ is the slope at rest, and $c(1-s)$ that far beyond the knee.""",
+$s=\text{drop}/(1+\text{drop})$; $c$ is the slope at rest, and far beyond the knee the slope is $c(1-s)$.""",
     "damper_curve": r"""$F=-k\delta-c\int_0^{\dot\delta} g(v)\,\mathrm dv$. The slope $g>0$ is piecewise linear
 between knots at rest, at ±6.25 mm/s and at each $\sqrt2$ times that up to ±0.8 m/s; from knot to knot $\ln g$ takes
 independent steps. $g$ is scaled so that $c$ is the rate of the linear damper that takes the same power where
@@ -126,14 +126,21 @@ MEANINGS = {
 }  # fmt: skip
 """Meaning of every parameter of every effect."""
 
+_RANGES = {
+    "digressive_damper": "where the largest damper speed is below 0.5 m/s, five times that speed (at least 0.5), which is 2 % less force there",
+    "progressive_spring": "where the largest travel is below 5 cm, 0.015 over its square (at most 600), which is 1.5 % more force there",
+}
+"""Tolerances that depend on the motion of the drive."""
+
 _ABOUT = """\
 # Effects
 
 This page lists the effects that `bayes-asv diagnose` tests and that
 `bayes-asv estimate --with NAME@WHERE` adds to the linear car. `damper_curve` and
 `spring_curve` are not tested one by one: a diagnosis gives them to a damper or a spring where the other effects leave
-something unexplained, and keeps them where that explains the recordings decisively better. Each effect is one file under
-`bayes_asv/models/effects`; `python -m tests.effects_page` generates this page from them. Extension is
+something unexplained, and keeps them where that explains the recordings decisively better and held-out runs are not
+simulated worse; `damper_curve` then comes with `damper_hysteresis`. Effects are defined in files under
+`bayes_asv/models/effects`, similar ones together; `python -m tests.effects_page` generates this page from them. Extension is
 positive, and so is a force upward on the chassis.
 
 On the roll car an effect at the front or the rear acts alike on both sides. Except for a push, it may also be
@@ -144,7 +151,7 @@ A **named** effect has the wide prior given below. An effect that is not named h
 prior**: a narrow prior whose scale is the deviation that data sheets leave open and that
 nobody calls a fault. The analysis integrates over it, so that small deviations of many kinds widen the
 intervals instead of producing a name. Stops and external forces have no tolerance, because they are
-absent unless they act.
+absent unless they act; nor have free curves, which are used only where nothing else fits.
 
 """
 
@@ -157,6 +164,9 @@ _OTHERWISE = """\
 | `sensor_clipping` | readings at the limits of the range, counted before any fit, under `preflight` |
 | `dropped_samples` | missing rows or readings, under `preflight` |
 | `uneven_clock` | time stamps with a scatter above 2 % of a time step, under `preflight` |
+| `outlier` | readings that fit badly for a moment (spikes, filled gaps, a sagging supply), with channel and time, under `unexplained` |
+| `missing_bits` | a converter that never changes one of its bits, under `unexplained` |
+| `jitters` | time stamps that jitter: noise that is largest where the signal of a channel is steep, under `unexplained` |
 | `initial_state` | a recording that does not begin at rest: the rms of its first tenth of a second exceeds four times the sensor's noise; under `preflight`. The initial state is estimated in any case |
 | `mass_scale` | only as a member of an indistinguishable class: a wrong mass looks like two wrong spring rates |
 | `pitch_centre` | never: a pitch centre at a distance $r$ from the centre of gravity adds $m r^2$ to the pitch inertia, which is estimated |
@@ -353,7 +363,7 @@ def _tolerance(effect: Effect, parameter: Parameter) -> str:
     value = effect.tolerance_values[parameter.name]
     text = f"{value:g}{_PER[parameter.prior_unit]}"
     if effect.scaled_to_range is not None:
-        text += ", or as much nonlinearity over the range used"
+        text += f"; {_RANGES[effect.name]}"
     return f"± {value - 1.0:.2g}".rstrip("0") if parameter.form == "log" and value < 2.0 else text
 
 

@@ -101,6 +101,14 @@ def test_a_result_is_older_once_a_file_behind_it_changed(
     assert status(result) == "commit unknown"
 
 
+def test_comments_and_docstrings_are_no_code() -> None:
+    old = 'def f(x):\n    """Twice."""\n    return 2 * x  # here\n'
+    same = 'def f(\n    x,\n):\n    """Twice\n\n    x."""\n    return 2 * x\n'
+    assert freshness._statements(old) == freshness._statements(same)
+    assert freshness._statements(old) != freshness._statements(old.replace("2 *", "3 *"))
+    assert freshness._statements("x = 'a'") != freshness._statements("x = 'b'")
+
+
 def test_a_renewal_that_is_stopped_goes_on_where_it_was(
     tmp_path: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:

@@ -49,7 +49,7 @@ def command(
     seed: int,
     **shown: Any,
 ) -> int:
-    """Track damping rates and inertias row by row, through a recording or live from the logger."""
+    """Track damping rates and inertias row by row, through a recording or live from a port."""
     settings = live_settings(recording, **shown)
     keep = None if settings.port is None else settings.port.keep
     common.check_outputs((recording, vehicle, channel_map), json_file, trace, settings.gif, keep)

@@ -110,7 +110,8 @@ class Estimate(Result):
             As the installed ArviZ has it.  Groups are ``posterior`` (with noise levels and
             effects), ``sample_stats``, ``prior`` and ``observed_data``, and for runs of a linear
             car that are consistent with each other ``log_likelihood`` (by recording),
-            ``log_prior`` and ``posterior_predictive``.
+            ``log_prior`` and, unless residuals are modelled as autocorrelated,
+            ``posterior_predictive``.
 
         Raises
         ------

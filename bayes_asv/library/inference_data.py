@@ -94,8 +94,8 @@ def groups(result: EstimationResult) -> dict[str, Any]:
         the same.  ``observed_data``: readings of the outputs by channel and recording.  Where the
         recordings are consistent and the model has no effects, besides: ``log_prior`` by variable
         (density of the logarithm of a positive one), ``log_likelihood`` by recording, and, unless
-        residuals are modelled as coloured, ``posterior_predictive``: readings as the simulation
-        and the sensors' noise make them.
+        residuals are modelled as autocorrelated, ``posterior_predictive``: readings as the
+        simulation and the sensors' noise make them.
     """
     posterior = {**result.draws, **_nuisance(result.nuisance), **_effects(result.effects)}
     datasets = {

@@ -50,10 +50,12 @@ were drawn afresh.
   for engines (seeds 62 to 64) and the probabilities of doubtful names (seeds 62 and 64). With
   respect to car families, terrains and effects, all figures below are development figures.
 - The same holds for faults outside the list. All twelve kinds were used during development, and
-  the misspecification test contains models of most of them (an elastic mount, lash, hysteresis, a
+  the misspecification test contains models of most of them (lash, hysteresis, a
   compliant seat, a resonant bracket, a nonlinear sensor scale, a displaced sensor, timing jitter,
   a free force at an axle). Their figures say how well these models work, not how the diagnosis
-  responds to a fault that nobody thought of.
+  responds to a fault that nobody thought of. Three of them have since become effects of the list or
+  other forms of one: `maxwell_mount` (`damper_hysteresis`), `bouc_wen` (`coulomb_friction`) and
+  `progressive_damper` (`damper_curve`).
 """
 
 HOW: Final = """## Definitions

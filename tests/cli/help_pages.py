@@ -18,11 +18,12 @@ _ABOUT = """\
 # Commands
 
 The help of `bayes-asv` and of each of its commands, written by `python -m tests.cli.help_pages`.
-`python -m bayes_asv` is the same program. The library does the same from Python:
-[library.md](library.md).
+`python -m bayes_asv` is the same program. [library.md](library.md) says how the same is done from
+Python.
 
-Every command that computes takes `--json FILE` (`-` for standard output) and `--seed N`. The same
-seed gives the same bytes apart from `seconds`, with any number of threads, with and without
+Every command but `convert` and `logger` takes `--json FILE` (`-` for standard output), and those
+whose answer can depend on random numbers take `--seed N`. The same seed gives the same bytes apart
+from `seconds`, with any number of threads, with and without
 compiled code in the cache, and on Python 3.11 to 3.13 with the same versions of the packages
 (only `provenance.python` differs). Other versions of NumPy and SciPy add in another order: means,
 deviations and intervals then differ from their ninth digit on, and a number that is a small
@@ -37,6 +38,7 @@ its third. Progress is shown on a terminal only.
 | 4 | not converged: the numbers are written, but are not to be relied on |
 | 5 | `watch` raised its alarm |
 | 6 | `compare`: the sessions differ in something else, or the model does not hold |
+| 128 + n | ended by signal n, such as 130 by Ctrl-C |
 """
 
 
