@@ -101,7 +101,7 @@ RESULTS = {
         150,
         ("benchmarks.battery --seed 101 --runs 6", "benchmarks.battery --seed 101 --report"),
     ),
-    "blind": Result("blind", 390, ("benchmarks.blind", "benchmarks.blind --report")),
+    "blind": Result("blind", 280, ("benchmarks.blind", "benchmarks.blind --report")),
     "broken channels": Result(
         "broken_channels.json", 40, ("benchmarks.broken_channels --quick --cases 200",)
     ),
