@@ -127,10 +127,10 @@ MEANINGS = {
 """Meaning of every parameter of every effect."""
 
 _RANGES = {
-    "digressive_damper": "where the largest damper speed is below 0.5 m/s, five times that speed (at least 0.5), which is 2 % less force there",
-    "progressive_spring": "where the largest travel is below 5 cm, 0.015 over its square (at most 600), which is 1.5 % more force there",
+    "digressive_damper": "less where the dampers stay below 0.5 m/s, down to {limit:g}, so that the largest speed has 2 % less force",
+    "progressive_spring": "more where the travel is below 5 cm, up to {limit:g}, so that the largest travel has 1.5 % more force",
 }
-"""Tolerances that depend on the motion of the drive."""
+"""Tolerances that depend on the motion of the drive; the limit is that of a drive that hardly moves."""
 
 _ABOUT = """\
 # Effects
@@ -363,7 +363,8 @@ def _tolerance(effect: Effect, parameter: Parameter) -> str:
     value = effect.tolerance_values[parameter.name]
     text = f"{value:g}{_PER[parameter.prior_unit]}"
     if effect.scaled_to_range is not None:
-        text += f"; {_RANGES[effect.name]}"
+        still = effect.scaled_to_range(effect.tolerance_values, 0.0, 0.0)
+        text += f"; {_RANGES[effect.name].format(limit=still[parameter.name])}"
     return f"± {value - 1.0:.2g}".rstrip("0") if parameter.form == "log" and value < 2.0 else text
 
 
