@@ -13,10 +13,11 @@ import pytest
 from scipy.signal import butter, sosfilt
 
 from bayes_asv.analysis import input_mistakes
+from bayes_asv.analysis.input_hypotheses import hypotheses_of_recording
 from bayes_asv.analysis.input_mistakes import Mistake, check_input, rear_leads
 from bayes_asv.analysis.nominal_values import nominal_mistakes
 from bayes_asv.analysis.screening_fit import screening_fit
-from bayes_asv.domain.recording import Recording, nominal_rate
+from bayes_asv.domain.recording import Recording, accelerations, nominal_rate
 from bayes_asv.domain.vehicle import Given, Nominal, Vehicle, read_vehicle
 from bayes_asv.estimation import estimate
 from bayes_asv.io import read_recording
@@ -182,6 +183,23 @@ def test_an_estimate_says_its_doubt_first_and_a_refusal_its_cause() -> None:
     refused = estimate([replace(recording, values=values)], worn(4)[1], seed=1)
     assert refused.verdict == "refused"
     assert "front chassis is upside down" in refused.reasons[0]
+
+
+def test_what_undoes_a_mistake_does_not_depend_on_the_units_of_the_columns() -> None:
+    counted, car = worn(1)
+    si = replace(counted, values=accelerations(counted, car), units=("m/s^2",) * 4)
+    size = np.array([[1.0], [9.80665], [0.0254], [1.0]])
+    mixed = replace(si, values=si.values / size, units=("m/s^2", "g", "in/s^2", "m/s^2"))
+    model = car_model("half", car)
+    ways = [hypotheses_of_recording(one, car, model) for one in (si, mixed)]
+    changed = 0
+    for one, other in zip(*ways, strict=True):
+        for by in one.sizes or (0.0,):
+            found = [h.undo(r, car, by) for h, r in ((one, si), (other, mixed))]
+            plain, converted = (accelerations(*corrected) for corrected in found)
+            np.testing.assert_allclose(converted, plain, atol=1e-9, err_msg=str(one.words(1.0)))
+            changed += not np.allclose(plain, si.values)
+    assert changed > 50
 
 
 def test_the_order_of_the_wheels_is_that_of_the_road() -> None:

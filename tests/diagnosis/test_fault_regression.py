@@ -3,14 +3,17 @@
 from __future__ import annotations
 
 from dataclasses import replace
+from types import SimpleNamespace
+from typing import Any
 
 import numpy as np
 import pytest
 
 from bayes_asv.diagnosis.denoised_model import denoised_model
-from bayes_asv.diagnosis.fault_regression import regress_on_unlisted_faults
+from bayes_asv.diagnosis.fault_regression import _Scores, regress_on_unlisted_faults
 from bayes_asv.diagnosis.model_comparison import draw_quantities, weighted_posterior
 from bayes_asv.diagnosis.simulation_error import compare_errors
+from bayes_asv.diagnosis.unlisted_fault_models import FaultTerm
 from bayes_asv.posterior.fitted_model import make_dataset
 from bayes_asv.posterior.free_simulation import free_run
 from bayes_asv.posterior.likelihood import Perturbation
@@ -53,6 +56,26 @@ def test_an_exact_car_needs_nothing() -> None:
     one = case("null/bump~baja", 3, 0)
     holdout = prepared(one.holdout, one.vehicle)
     assert regress_on_unlisted_faults(assess_case("null/bump~baja", 3, 0, "dev"), holdout) is None
+
+
+def test_no_fault_is_larger_a_priori_than_is_usual() -> None:
+    """Two faults that do not resemble each other, one of which is usually small."""
+    kinds: list[Any] = [
+        SimpleNamespace(name=name, place="front", usual=usual)
+        for name, usual in (("small", 0.5), ("any", 50.0))
+    ]
+    gradient, own, factor = np.array([30.0, -30.0]), 100.0, 2.0
+    scores = _Scores(
+        tuple(FaultTerm(kind, ()) for kind in kinds), np.sqrt(own) * np.eye(2),
+        np.full(2, factor), gradient, own * np.eye(2),
+    )  # fmt: skip
+    found = scores.regression({("small", "front"): 4.0, ("any", "front"): 4.0})
+    deviation = np.array([0.5 / factor, 4.0])
+    assert found.sizes == pytest.approx(factor * gradient / (own + deviation**-2))
+    gain = scores.log_bayes_factor({("small", "front"): 4.0, ("any", "front"): 4.0})
+    widened = 1.0 + own * deviation**2
+    each = (deviation * gradient) ** 2 / widened - np.log(widened)
+    assert gain == pytest.approx(0.5 * each.sum())
 
 
 def test_known_changes_of_the_readings_are_those_of_the_recording() -> None:

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from dataclasses import dataclass, replace
 from functools import cache
+from types import SimpleNamespace
 from typing import Any
 
 import numpy as np
@@ -136,6 +137,39 @@ def test_an_effect_on_trial_is_not_named_where_an_unlisted_fault_follows(
     selection = _selected("pair-4000", 56, 1, "test")
     assert selection.stopped_by == "an unlisted fault"
     assert all(e.probability < 0.2 for e in selection.effects)
+
+
+@pytest.mark.parametrize("p_none", [0.02, 0.05, 0.08])
+def test_no_effect_is_more_probable_than_that_any_is_present(
+    monkeypatch: pytest.MonkeyPatch, p_none: float
+) -> None:
+    """The first of two is on trial, and tolerances alone remain possible after the second."""
+    effects = [read_effect(f"bound_rebound@{axle}") for axle in ("front", "rear")]
+
+    def assessed(_: Any, model: Any, seed: int) -> Any:
+        p = 0.0 if len(model.placed_effects) < len(effects) else 1.0
+        return SimpleNamespace(p_value=p, model=model, denoised=None, dataset=None)
+
+    def compared(now: Any, *_: Any, further: bool) -> Any:
+        placed = tuple(effects[: len(now.model.placed_effects) + 1])
+        model = SimpleNamespace(placed_effects=placed)
+        best: Any = SimpleNamespace(placed=placed[-1], model=model)
+        nothing = p_none if further else 0.9
+        return forward_selection._Step([best], np.array([1.0 - nothing]), nothing, 5.0, [], "")
+
+    monkeypatch.setattr(forward_selection, "assess", assessed)
+    monkeypatch.setattr(forward_selection, "_compare_next_effects", compared)
+    monkeypatch.setattr(
+        forward_selection, "indistinguishable_from_best", lambda denoised, base, extended: extended
+    )
+    start = assessed(None, SimpleNamespace(placed_effects=()), 0)
+    selection = select_effects(Selection(start, (), [], 1.0), 0, ignore_progress)
+    # odds of 9 : 1 for tolerances, against the first effect with or without the second
+    present = 0.1 / p_none / (0.9 + 0.1 / p_none)
+    assert [e.placed for e in selection.effects] == effects
+    assert selection.p_none == pytest.approx(1.0 - present)
+    probabilities = [e.probability for e in selection.effects]
+    assert probabilities == pytest.approx([present, present * (1.0 - p_none)])
 
 
 def test_an_effect_with_values_for_each_axle_is_rescaled_as_one() -> None:

@@ -58,32 +58,31 @@ def _with_effect(name: str) -> tuple[PlacedEffect, FittedModel, list[Candidate]]
     return placed, fit_with_effect(assessed.denoised, assessed.model, group), every
 
 
-def _without_other_tolerances(model: FittedModel) -> ModelEvidence:
-    """Evidence at full scale, though no other effect has a tolerance."""
+def _without_other_tolerances(model: FittedModel, scale: float = 1.0) -> ModelEvidence:
+    """Evidence at one scale, by default the full one, though no other effect has a tolerance."""
     log_evidence = model.mode.log_evidence
     log_evidence += half_normal_correction(model, model.mode.z, model.mode.covariance)
     return replace(
         model_evidence(_car().denoised, model),
-        by_scale=np.where(TOLERANCE_SCALES == 1.0, log_evidence, -np.inf),
-        scale=1.0,
+        by_scale=np.where(scale == TOLERANCE_SCALES, log_evidence, -np.inf),
+        scale=scale,
         mode_shift=0.0 * model.mode.z,
         covariance=model.mode.covariance,
     )
 
 
 def _with_narrow_priors(
-    model: FittedModel, placed_effects: list[PlacedEffect], start: float
+    model: FittedModel, placed_effects: list[PlacedEffect], start: float, share: float = 1.0
 ) -> float:
-    """Log evidence of a fit with tolerances for priors in place of the wide ones."""
+    """Log evidence of a fit with shares of tolerances for priors in place of the wide ones."""
     scale = model.space.sizes
     assert scale is not None
     narrowed = []
     for placed in placed_effects:
         first = placed.effect.parameters[0]
         size = first.size(scale)
-        narrow = replace(
-            first, prior_scale=placed.effect.tolerance_values_for(scale)[first.name] / size
-        )
+        tolerance = placed.effect.tolerance_values_for(scale)[first.name]
+        narrow = replace(first, prior_scale=share * tolerance / size)
         effect = replace(placed.effect, parameters=(narrow, *placed.effect.parameters[1:]))
         narrowed.append(PlacedEffect(effect, placed.where))
     posterior = _car().denoised.posterior(tuple(narrowed))
@@ -107,6 +106,18 @@ def test_the_evidence_as_a_tolerance_is_that_under_a_narrow_prior(name: str) -> 
     placed, model, known = _with_effect(name)
     expected = _with_narrow_priors(model, [placed], _value(model, placed))
     value = evidence_as_tolerance([placed], model, _without_other_tolerances(model), known)
+    truncation = 0.0 if placed.effect.one_sided else _TRUNCATION
+    assert value + truncation == pytest.approx(expected, abs=0.15)
+
+
+@pytest.mark.parametrize("share", TOLERANCE_SCALES[1:-1].tolist())
+@pytest.mark.parametrize("name", ["sensor_drift@rear_chassis", "damper_fade@rear"])
+def test_the_evidence_at_another_scale_is_that_of_smaller_tolerances(
+    name: str, share: float
+) -> None:
+    placed, model, known = _with_effect(name)
+    expected = _with_narrow_priors(model, [placed], share * _value(model, placed), share)
+    value = evidence_as_tolerance([placed], model, _without_other_tolerances(model, share), known)
     truncation = 0.0 if placed.effect.one_sided else _TRUNCATION
     assert value + truncation == pytest.approx(expected, abs=0.15)
 

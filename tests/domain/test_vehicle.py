@@ -14,12 +14,15 @@ from hypothesis import HealthCheck, given, settings
 from hypothesis import strategies as st
 
 from bayes_asv.domain.channels import CHANNELS, KNOWN_CHANNELS, channel
+from bayes_asv.domain.clocks import Clock
 from bayes_asv.domain.errors import InputError
 from bayes_asv.domain.vehicle import (
     Given,
     Nominal,
+    Roll,
     Sensor,
     Travel,
+    Unsprung,
     Vehicle,
     read_vehicle,
     to_toml,
@@ -427,6 +430,25 @@ def test_roll_tables_round_trip(tmp_path: Path) -> None:
     assert more.sensor("rear_right_travel") == Sensor()
     path.write_text(to_toml(car), encoding="utf-8")
     assert read_vehicle(path) == car
+
+
+def test_no_value_of_a_vehicle_is_written_in_place_of_another(
+    read: Callable[[str], Vehicle],
+) -> None:
+    """All values and deviations differ."""
+    car = dataclasses.replace(
+        read_vehicle(VEHICLES / "baja2008.toml"),
+        units="SI", m=Given(230.0, 2.0), l=Given(1.71, 0.013), wdf=Given(0.46, 0.003),
+        k_f=Given(17e3, 300.0), k_r=Given(19e3, 400.0),
+        c_f=Nominal(1300.0, 500.0), c_r=Nominal(1100.0, 600.0), i=Nominal(70.0, 20.0),
+        travel=Travel(0.11, 0.12, 0.13, 0.14),
+        unsprung=Unsprung(40.0, 55.0, 350e3, 420e3, 310.0, 520.0),
+        roll=Roll(
+            Given(1.31, 0.011), Given(1.22, 0.012), Nominal(33.0, 9.0), 3000.0, 2100.0, 0.83
+        ),
+        clocks=(Clock("phone", ("front_chassis", "rear_chassis"), 0.002, 0.03, 4e-5, 5e-5),),
+    )  # fmt: skip
+    assert read(to_toml(car)) == car
 
 
 def test_a_sensor_on_the_body_needs_its_place(tmp_path: Path) -> None:

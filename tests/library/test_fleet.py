@@ -22,6 +22,7 @@ import pytest
 
 import bayes_asv as asv
 from bayes_asv.analysis.trends import Coordinates
+from bayes_asv.domain.channel_map import ChannelMap, MappedChannel
 from bayes_asv.library import fleet as fleet_module
 from bayes_asv.library.fleet import Fleet
 from bayes_asv.models.cars import car_model
@@ -153,6 +154,32 @@ def test_only_what_is_not_there_is_done(
     assert len(again(heavier, seed=1)) == 4
     monkeypatch.setattr(fleet_module, "__version__", "9.9")
     assert len(again(car, seed=1)) == 4
+
+
+def test_an_answer_by_another_channel_map_is_none(
+    folder: Path, car: asv.Vehicle, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    done: list[str] = []
+
+    def run(workers: object, function: Callable[..., Any], tasks: Any, finished: Any) -> None:
+        for task in tasks:
+            done.append(Path(task.path).name)
+            finished(task, fleet_module._Answer(None, {"verdict": "unreadable", "reason": "x"}))
+
+    def again(mapped: ChannelMap | None) -> list[str]:
+        done.clear()
+        vehicle = replace(car, channel_map=mapped)
+        asv.fleet(folder / "good.csv", vehicle, output=tmp_path / "out.csv")
+        return done
+
+    monkeypatch.setattr("bayes_asv.batch.workers.run_tasks", run)
+    names = ("front_wheel", "front_chassis", "rear_wheel", "rear_chassis")
+    straight = ChannelMap(tuple(MappedChannel(name, (name,)) for name in names))
+    upside_down = ChannelMap(tuple(MappedChannel(name, (name,), scale=-1.0) for name in names))
+    for mapped in (None, straight, upside_down):
+        assert again(mapped) == ["good.csv"]
+        assert again(mapped) == []
+    assert again(replace(straight, source="another file")) == []
 
 
 _SCRIPT = """

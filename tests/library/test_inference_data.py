@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import warnings
+from dataclasses import replace
 from pathlib import Path
 from typing import Any
 
@@ -10,7 +11,7 @@ import numpy as np
 import pytest
 
 import bayes_asv as asv
-from bayes_asv.library.inference_data import coordinates
+from bayes_asv.library.inference_data import coordinates, groups
 
 
 @pytest.fixture(scope="module")
@@ -65,6 +66,18 @@ def test_predicted_readings_cover_the_observed_ones(data: Any) -> None:
         low, high = np.quantile(predicted, [0.025, 0.975], axis=0)
         inside = np.mean((observed.values >= low) & (observed.values <= high))
         assert 0.90 < inside < 0.99, name
+
+
+def test_predicted_readings_have_the_noise_of_their_own_recording(result: asv.Estimate) -> None:
+    engine = result.engine
+    name = "noise front_chassis 1"
+    noisy = replace(engine, nuisance={**engine.nuisance, name: 20.0 * engine.nuisance[name]})
+    predicted = groups(noisy)["posterior_predictive"]
+    first, second = (
+        float(predicted[f"front_chassis_{run}"].std("draw").median()) for run in (0, 1)
+    )
+    assert second == pytest.approx(20.0 * float(np.mean(engine.nuisance[name])), rel=0.2)
+    assert first < 0.3 * second
 
 
 def test_the_file_holds_the_same(result: asv.Estimate, data: Any, tmp_path: Path) -> None:

@@ -50,6 +50,26 @@ def test_a_sine_passes_one_pole_and_a_delay(baja: Vehicle) -> None:
     assert read.values[0, late] == pytest.approx(AMPLITUDE * gain * np.sin(angle), abs=2e-3)
 
 
+def test_an_accelerometer_without_a_bandwidth_is_like_the_slowest_of_the_others(
+    baja: Vehicle,
+) -> None:
+    """A sensor of another quantity has no filter."""
+    sensors = {
+        "front_wheel": Sensor(bandwidth=15.0),
+        "front_chassis": Sensor(bandwidth=60.0),
+        "rear_wheel": Sensor(),
+        "front_travel": Sensor(),
+    }
+    motion, channels = _sine(1.0), [channel(name) for name in sensors]
+    wave = motion.signals[0]
+    alike = replace(motion, signals=np.stack([wave] * len(channels)))
+    filtered = filter_motion(replace(baja, sensors=sensors), alike, channels)
+    slow, quick, unknown, travel = (filtered.channel(c, motion.time) for c in range(4))
+    assert np.max(np.abs(quick - slow)) > 0.05 * AMPLITUDE
+    np.testing.assert_allclose(unknown, slow)
+    np.testing.assert_allclose(travel, wave, atol=1e-9)
+
+
 def test_saturation_counts_and_quantization(baja: Vehicle) -> None:
     read = simulate_recording(baja, filter_motion(baja, _sine(1.0), FOUR), 400.0, 1.0, 1)
     assert read.units == ("counts",) * 4

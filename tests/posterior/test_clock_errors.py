@@ -14,7 +14,10 @@ from bayes_asv.estimate_result import EstimationResult
 from bayes_asv.estimation import estimate
 from bayes_asv.models.cars import car_model
 from bayes_asv.posterior.clock_errors import align_clocks, fit_aligned
+from bayes_asv.posterior.effect_fit import read_effect
+from bayes_asv.posterior.effects import sensor_corrections
 from bayes_asv.posterior.likelihood import WHITE, Posterior
+from bayes_asv.posterior.map_fit import best_fit
 from bayes_asv.posterior.parameters import make_parameter_space
 from bayes_asv.preprocessing.prepare import prepare
 from bayes_asv.preprocessing.prepared_recording import ClockVariants, interpolation_weights
@@ -109,6 +112,27 @@ def test_the_likelihood_between_recordings_is_that_of_a_recording_there() -> Non
     assert abs(value - alone) < 0.02
     sampled = fit.posterior.expanded(fit.mode.z, fit.mode.covariance)
     assert abs(float(sampled.by_run(z[None])[0, 0]) - value) < 0.02
+
+
+def test_sensors_that_are_off_are_corrected_at_the_times_of_each_recording() -> None:
+    """With an effect, the likelihood of each clock error is that of the recording made for it."""
+    car, vehicle = drawn(10)
+    recording = recorded(car, "bump", 2.0, 400.0, 0.012, 0.0, 7)
+    (prepared,) = align_clocks([recording], vehicle, (CLOCK,)).prepared
+    effects = (read_effect("sensor_lag@front_wheel"),)
+    fit = best_fit((prepared,), vehicle, placed_effects=effects)
+    assert prepared.clock_variants is not None
+    middle, step = prepared.clock_variants.middle, prepared.clock_variants.step
+    z = fit.mode.z.copy()
+    z[fit.space.names.index(effects[0].coordinate_name(effects[0].effect.parameters[0]))] += 1.0
+    for u, one in zip(ClockVariants.points(2), prepared.clock_variants.recordings, strict=True):
+        for k, error in zip(fit.space.clock_coordinates(0), middle + step * u, strict=True):
+            coordinate = fit.space.coordinates[k]
+            z[k] = (error - coordinate.centre) / coordinate.scale
+        known = sensor_corrections(one, vehicle, one.reading)
+        there = replace(fit.space, recordings=(one,))
+        alone = Posterior(there, (WHITE,), sensor_corrections=(known,))
+        np.testing.assert_allclose(fit.posterior.by_run(z[None]), alone.by_run(z[None]), atol=1e-6)
 
 
 def test_a_drift_of_some_ppm_does_not_change_the_steps_of_the_filter() -> None:

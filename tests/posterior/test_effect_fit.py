@@ -11,6 +11,7 @@ from bayes_asv.io import read_recording
 from bayes_asv.models.effects import placed_effect
 from bayes_asv.posterior.effect_fit import candidates, fit_with_effect, with_effects
 from bayes_asv.posterior.fitted_model import fit_linear_car, fit_model, make_dataset
+from bayes_asv.posterior.free_simulation import free_run
 from bayes_asv.preprocessing.run_preparation import prepare_runs
 from tests.cli.conftest import ROOT
 from tests.posterior.cases import DECLARED, case, prepared, vehicle
@@ -36,6 +37,23 @@ def test_a_rounding_that_the_data_hardly_know_is_looked_for_at_both_ends(silent:
         start = found.mode.z.copy()
         start[k] = end
         assert fit_model(found.posterior, start).mode.log_posterior < found.mode.log_posterior + 0.1
+
+
+def test_stops_are_tried_within_the_travel_to_their_own_side() -> None:
+    car = vehicle(DECLARED)
+    _, _, recording = case("bump", 3, DECLARED)
+    linear = fit_linear_car(make_dataset(car, (prepared(recording, car),)))
+    found = candidates(linear, car)
+    _, states, _ = free_run(linear.posterior, linear.mode.z, 0)
+    shares = []
+    for e, axle in enumerate(("front", "rear")):
+        compressed, extended = -states[:, 2 * e].min(), states[:, 2 * e].max()
+        assert abs(compressed / extended - 1.0) > 0.02
+        for name, travel in (("bump_stop", compressed), ("droop_stop", extended)):
+            gaps = [c.values["gap"] for c in found if str(c.placed) == f"{name}@{axle}"]
+            shares.append(max(gaps) / travel)
+    assert shares == pytest.approx([shares[0]] * 4)
+    assert 0.5 < shares[0] < 1.0
 
 
 def test_an_effect_that_is_in_the_model_already_is_refused() -> None:

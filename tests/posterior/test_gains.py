@@ -9,9 +9,10 @@ import numpy as np
 import pytest
 
 from bayes_asv.analysis.uncertainty_budget import find_budget
-from bayes_asv.domain.recording import Recording
+from bayes_asv.domain.recording import Recording, accelerations
 from bayes_asv.domain.vehicle import Vehicle
 from bayes_asv.posterior.map_fit import MapFit, best_fit
+from bayes_asv.posterior.parameters import make_parameter_space
 from bayes_asv.preprocessing.run_preparation import prepare_runs
 from tests.posterior.cases import DECLARED, EXACT, vehicle
 from tests.rig import DEFAULT_SPEEDS, TERRAINS, RigCar, SensorSpec, baja, draw, drive
@@ -50,6 +51,21 @@ def fitted(car: Vehicle, recording: Recording) -> MapFit:
 @pytest.fixture(scope="module")
 def off() -> tuple[RigCar, Recording]:
     return counted((1.0, 1.012, 0.995, 0.99))
+
+
+def test_scales_are_as_uncertain_beside_a_recording_that_is_not_in_counts(
+    off: tuple[RigCar, Recording],
+) -> None:
+    """In any order of the recordings."""
+    car, in_counts = declared(EXACT, 0.01), off[1]
+    values = accelerations(in_counts, car)
+    in_units = replace(in_counts, values=values, units=("m/s^2",) * len(values))
+    lines, reasons, _ = prepare_runs((in_counts, in_units), car)
+    assert not reasons
+    for runs in (lines[:1], lines, lines[::-1]):
+        space = make_parameter_space(car, runs)
+        gains = {one.name: one.scale for one in space.coordinates if one.kind == "gain"}
+        assert gains == pytest.approx({f"gain {name}": 0.01 for name in in_counts.channels})
 
 
 def test_a_gain_is_a_reading_over_truth(off: tuple[RigCar, Recording]) -> None:

@@ -3,14 +3,17 @@
 from __future__ import annotations
 
 from collections.abc import Sequence
+from types import SimpleNamespace
+from typing import Any
 
 import numpy as np
 import pytest
+from scipy.stats import t as student
 
 from bayes_asv.domain.recording import Recording
 from bayes_asv.domain.vehicle import Vehicle
 from bayes_asv.posterior.fitted_model import FittedModel, fit_linear_car, make_dataset
-from bayes_asv.posterior.model_error import draw_cars, model_error
+from bayes_asv.posterior.model_error import _Band, draw_cars, model_error
 from bayes_asv.preprocessing.run_preparation import prepare_runs
 from benchmarks.real_cars import NAMES, driven
 
@@ -53,6 +56,27 @@ def test_more_of_the_same_drive_does_not_average_it_out() -> None:
     assert np.all(many > 0.5 * one)
     noise = [np.trace(fit.mode.covariance[of_car, of_car]) for fit in (once, four)]
     assert noise[1] < noise[0]
+
+
+@pytest.mark.parametrize("information", [(40.0, 40.0), (90.0, 20.0, 10.0), (5.0,) * 12])
+def test_its_intervals_are_those_of_students_distribution(
+    monkeypatch: pytest.MonkeyPatch, information: tuple[float, ...]
+) -> None:
+    """A single coordinate that a few bands of frequency determine, each with a score of its own."""
+    known = np.array(information)
+    precision, score = 1.0 + known.sum(), 6.0 * np.sqrt(known)
+    bands = [
+        _Band(np.array([s]), np.array([[f]]), 100.0, 10) for s, f in zip(score, known, strict=True)
+    ]
+    monkeypatch.setattr("bayes_asv.posterior.model_error._split_into_bands", lambda _: bands)
+    fit: Any = SimpleNamespace()
+    fit.mode = SimpleNamespace(slopes=SimpleNamespace(precision=lambda: np.array([[precision]])))
+    moved = score / (precision - known)
+    by_chance = known / (precision - known) ** 2
+    sd = np.sqrt(np.sum(moved**2 - by_chance))
+    degrees = known.sum() ** 2 / np.sum(known**2)
+    half_width = 1.959964 * np.sqrt(model_error(fit)[0, 0])
+    assert half_width == pytest.approx(student.ppf(0.975, degrees) * sd, rel=1e-5)
 
 
 def _drives(count: int, size: float) -> list[tuple[Recording, Vehicle, dict[str, float]]]:

@@ -63,6 +63,18 @@ def test_only_what_has_a_deviation_is_sampled(recording: PreparedRecording) -> N
     )
 
 
+def test_noise_that_is_not_sampled_is_that_of_the_centre_of_its_prior(
+    recording: PreparedRecording,
+) -> None:
+    car = vehicle(DECLARED)
+    sampled = make_parameter_space(car, (recording,))
+    held = make_parameter_space(car, (recording,), fixed_noise_runs=frozenset({0}))
+    assert not any(name.startswith("noise") for name in held.names)
+    at_centre = [space.noises(space.origin[None], 0) for space in (sampled, held)]
+    for one, other in zip(*at_centre, strict=True):
+        np.testing.assert_allclose(one, other)
+
+
 def test_shifted_logs_come_back(recording: PreparedRecording) -> None:
     where = make_parameter_space(vehicle(EXACT), (recording,))
     z = where.from_logs({"c_f": 0.4, "i": -0.2})

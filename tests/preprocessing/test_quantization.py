@@ -12,7 +12,10 @@ from numpy.typing import NDArray
 
 from bayes_asv.diagnosis.model_assessment import assess
 from bayes_asv.diagnosis.residual_tests import whiteness_test
+from bayes_asv.diagnosis.score_test import _spurious_slope
+from bayes_asv.domain.vehicle import Sensor, read_vehicle
 from bayes_asv.filters.kalman import MISSING
+from bayes_asv.posterior.effects import sensor_corrections
 from bayes_asv.posterior.fitted_model import fit_linear_car, make_dataset
 from bayes_asv.preprocessing.prepared_recording import PreparedRecording
 from bayes_asv.preprocessing.quantization import (
@@ -22,10 +25,14 @@ from bayes_asv.preprocessing.quantization import (
     noise_level,
     offset,
     quiet_level,
+    spurious_drift,
     with_noise_of_still_wheels,
     without_standstill,
 )
 from bayes_asv.preprocessing.run_preparation import prepare_runs
+from bayes_asv.simulation.roads import road
+from bayes_asv.simulation.simulate import simulate
+from tests.cli.conftest import ROOT
 from tests.posterior.cases import DECLARED, INCH, case, vehicle
 from tests.rig import SensorSpec
 
@@ -59,6 +66,25 @@ def test_a_car_that_waits_on_a_coarse_converter_has_nothing_missing() -> None:
         model = assess(where, fit_linear_car(where), 0)
         assert model.p_value > 0.05
         assert whiteness_test(model.model)[1] > 1e-3
+
+
+def test_the_spurious_drift_of_a_travel_sensor_is_that_of_its_converter() -> None:
+    """As an effect its size is that of an accelerometer; what it does to a reading is in metres."""
+    car = read_vehicle(ROOT / "data" / "vehicles" / "baja2008.toml")
+    coarse = dict.fromkeys(("front_travel", "rear_travel"), Sensor(noise=1e-4, resolution=0.002))
+    car = replace(car, sensors={**car.sensors, **coarse})
+    channels = ("front_wheel", "rear_wheel", *coarse)
+    ground = road("bump", np.random.default_rng(3))
+    drive = simulate(car, ground, seconds=3.0, seed=3, channels=channels)
+    (recording,), reasons, _ = prepare_runs([drive.recording], car)
+    assert not reasons
+    known = sensor_corrections(recording, car, recording.reading)
+    for c in recording.outputs:
+        drift = spurious_drift(recording, c)
+        assert drift > 0.0
+        slope = _spurious_slope(recording, recording.channels[c].name)
+        of_reading = slope * np.ptp(known.ramp[c])
+        assert of_reading == pytest.approx(drift * np.ptp(recording.instants), rel=0.01)
 
 
 def test_the_longer_a_car_waits_the_less_it_says() -> None:

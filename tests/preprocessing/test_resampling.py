@@ -8,6 +8,7 @@ from pathlib import Path
 import numpy as np
 import pytest
 from numpy.typing import NDArray
+from scipy.signal import filtfilt, firwin
 
 from bayes_asv.domain.recording import Recording
 from bayes_asv.estimation import estimate
@@ -95,6 +96,27 @@ def test_a_low_passed_channel_is_thinned_to_twice_its_bandwidth(how: str) -> Non
     assert 0.6 * own < rate < 1.1 * own
     assert "low-passed at" in back.warnings[0]
     assert np.isin(back.time, exported.time).all()
+
+
+@pytest.mark.parametrize("narrow", [0, 3])
+def test_of_several_bandwidths_the_smallest_is_taken_for_all_channels(narrow: int) -> None:
+    """A program filters all channels alike."""
+    sensors = replace(SensorSpec(), adc=None)
+    _, _, recording = case("stops", 3, DECLARED, seconds=4.0, sensors=sensors)
+    ends = [0.2 if c == narrow else 0.4 for c in range(4)]
+    filtered = [
+        filtfilt(firwin(65, end), np.ones(1), values)
+        for end, values in zip(ends, recording.values, strict=True)
+    ]
+    low_passed = replace(recording, values=np.asarray(np.round(filtered, 4), np.float64))
+    alone = [find_resampling(values) for values in low_passed.values]
+    shares = [float(one.ratio) for one in alone if one is not None]
+    assert len(shares) == 4
+    assert sorted(shares)[1] > 1.5 * shares[narrow]
+    kept = np.isfinite(at_own_rate(low_passed).values).mean(axis=1)
+    assert kept == pytest.approx([1.0] * 4)
+    count = len(at_own_rate(low_passed).time)
+    assert count == pytest.approx(shares[narrow] * len(recording.time), rel=0.02)
 
 
 @pytest.mark.parametrize("terrain", ["bump", "stops", "rough", "rollers", "washboard", "flat"])

@@ -13,6 +13,7 @@ from numpy.typing import NDArray
 from scipy.signal import sosfreqz
 
 from bayes_asv.domain.recording import Recording
+from bayes_asv.domain.vehicle import Unsprung
 from bayes_asv.models.cars import car_model
 from bayes_asv.posterior.map_fit import best_fit
 from bayes_asv.preprocessing.prepare import prepare
@@ -26,6 +27,7 @@ from bayes_asv.preprocessing.tone_removal import (
     main_tones,
     notch_filter,
     notched,
+    own_modes,
 )
 from benchmarks.resampled_exports import declared, export, heavy
 from tests.posterior.cases import DECLARED, EXACT, as_recording, case, vehicle
@@ -169,6 +171,21 @@ def _noisy(seed: int, signal: NDArray[np.float64]) -> list[float]:
     nu = np.random.default_rng(seed).normal(size=(len(_T), 2)) + signal[:, None]
     modes = [(2.0, 0.5), (3.0, 0.8), (12.0, 0.12)]
     return [n.frequency for n in engine_tones(find_tones(nu, 400.0), [nu], 400.0, modes)]
+
+
+def test_wheels_hop_as_a_mass_between_tyre_and_body() -> None:
+    car = car_model("half", vehicle(EXACT))
+    wheels = Unsprung(40.0, 55.0, 350e3, 420e3, 300.0, 500.0)
+    nominal = {parameter.name: parameter.nominal for parameter in car.parameters}
+    found = own_modes(car, wheels)
+    assert found[:-2] == own_modes(car)
+    for (frequency, ratio), axle in zip(found[-2:], ("front", "rear"), strict=True):
+        mass = getattr(wheels, f"{axle}_mass")
+        damping = getattr(wheels, f"{axle}_tyre_damping") + nominal[f"c_{axle[0]}"]
+        rate = getattr(wheels, f"{axle}_tyre_rate") + nominal[f"k_{axle[0]}"]
+        root = np.roots([mass, damping, rate])[0]
+        assert frequency == pytest.approx(abs(root) / (2.0 * math.pi))
+        assert ratio == pytest.approx(-root.real / abs(root))
 
 
 def test_what_no_engine_turns_at_is_no_engine() -> None:

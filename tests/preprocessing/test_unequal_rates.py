@@ -82,6 +82,15 @@ def test_readings_that_are_missing_at_their_own_rate_are_counted(car: asv.Vehicl
     assert reasons[0].startswith("410 of ")
 
 
+@pytest.mark.parametrize("rates", [(400.0, 12.0), (12.0, 400.0)])
+def test_the_slowest_channel_has_to_follow_the_car(
+    car: asv.Vehicle, rates: tuple[float, float]
+) -> None:
+    recording = _merged(*rates, 0.0007)
+    reasons, _ = preflight(car, prepare(recording, car, car_model("half", car)))
+    assert any("was taken at 12 Hz, too slow for this car" in reason for reason in reasons)
+
+
 def test_two_rates_give_the_answer_of_one(car: asv.Vehicle) -> None:
     one = asv.estimate(_merged(400.0, 400.0, 0.0), car, seed=1)
     two = asv.estimate(_merged(400.0, 250.0, 0.0013), car, seed=1)

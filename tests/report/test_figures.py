@@ -16,7 +16,15 @@ from bayes_asv.report.sections.blocks import Figure
 from bayes_asv.report.sections.parameters import log_normal_prior
 from bayes_asv.report.sections.simulation import MAX_RUNS
 from bayes_asv.report.sections.travel import velocity_shares
-from bayes_asv.report.svg import COLOURS, gauge, power_of_ten, themed
+from bayes_asv.report.svg import (
+    COLOURS,
+    canvas,
+    draw_autocorrelations,
+    gauge,
+    power_of_ten,
+    style,
+    themed,
+)
 from tests.report.conftest import data, figures, figures_of, load, without_pictures
 
 
@@ -196,6 +204,21 @@ def test_a_gauge_shows_its_interval_and_where_nominal_is(
         assert nominal < low
     if nominal is not None and "▸" in picture.svg:
         assert nominal > high
+
+
+@pytest.mark.parametrize("places", [["front"], ["front", "rear"], ["a", "b", "c", "d"]])
+def test_autocorrelations_begin_at_the_first_lag(places: list[str]) -> None:
+    values = [0.5, -0.2, 0.1, 0.05]
+    with style():
+        axes = canvas().subplots()
+        draw_autocorrelations(axes, [(place, place, values) for place in places], 0.1, 0.0025)
+    assert "samples of 2.5 ms" in axes.get_xlabel()
+    drawn = {str(line.get_label()): line.get_xydata() for line in axes.lines}
+    for place in places:
+        lags, heights = np.asarray(drawn[place]).T
+        assert np.rint(lags).tolist() == [1, 2, 3, 4]
+        assert heights.tolist() == values
+        assert axes.get_xlim()[0] < lags[0] < lags[-1] < axes.get_xlim()[1]
 
 
 def test_colours_follow_the_page(drawn: list[Figure]) -> None:

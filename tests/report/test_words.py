@@ -4,7 +4,9 @@ import pytest
 from hypothesis import assume, given
 from hypothesis import strategies as st
 
+from bayes_asv.report.schema.compare import ParameterChange
 from bayes_asv.report.schema.parts import Parameter
+from bayes_asv.report.sections.compare import change_sentence
 from bayes_asv.report.sections.sampling import sampling_lines
 from bayes_asv.report.sections.verdict import headline, next_steps, split_reason, verdict_lines
 from bayes_asv.report.words import (
@@ -230,6 +232,25 @@ def test_headline_names_the_softer_damper_first(
     for name, (mean, sd, p) in (("c_f", front), ("c_r", rear)):
         document.parameters[name] = parameter(mean, sd, 10.0, p)
     assert headline(document) == text
+
+
+@pytest.mark.parametrize(
+    ("ratio", "eti95", "p", "text"),
+    [
+        (0.90, (0.87, 0.93), 1.0, "10 % softer (95 %: 7 to 13 %)"),
+        (1.10, (1.07, 1.13), 1.0, "10 % stiffer (95 %: 7 to 13 %)"),
+        (0.97, (0.94, 1.00), 0.8, "probably 3 % softer (95 %: −6 to 0 %)"),
+        (1.00, (0.97, 1.03), 0.1, "no change found (95 %: −3 to +3 %)"),
+    ],
+)
+def test_the_interval_of_a_change_begins_with_its_smaller_end(
+    ratio: float, eti95: tuple[float, float], p: float, text: str
+) -> None:
+    change = ParameterChange(
+        label="front damping rate", ratio=ratio, eti95=list(eti95), log_sd=0.015, p_changed=p,
+        p_lower=p, p_higher=0.0, p_value=None,
+    )  # fmt: skip
+    assert change_sentence("c_f", change).startswith(f"Front damper: {text}; probability of")
 
 
 def test_lines_of_an_answer() -> None:

@@ -10,7 +10,7 @@ import pytest
 from scipy.stats import chi2
 
 from bayes_asv.domain.errors import InputError
-from bayes_asv.domain.recording import accelerations
+from bayes_asv.domain.recording import accelerations, timing
 from bayes_asv.domain.vehicle import read_vehicle
 from bayes_asv.io import read_recording
 from bayes_asv.posterior.map_fit import best_fit
@@ -164,6 +164,18 @@ def test_another_recording_starts_from_the_known_parameters() -> None:
     np.testing.assert_allclose(again.median[0], frames.median[-1], rtol=1e-9)
     np.testing.assert_allclose(again.log_sd[0], frames.log_sd[-1], rtol=1e-9)
     assert car.c_f > 0.0
+
+
+def test_another_recording_has_delays_of_its_own() -> None:
+    """It gives what a tracker gives that knew them from its beginning."""
+    _, _, recording = case("bump", 8, DECLARED, seconds=1.0)
+    late = replace(recording, metadata=(*recording.metadata, ("delay front_wheel", "0.003 s")))
+    acc = accelerations(late, vehicle(DECLARED)).T
+    tracker = tracker_for(recording, vehicle(DECLARED))
+    tracker.resume(timing(late))
+    again = concatenate([tracker.feed(late.time, acc), tracker.finish()])
+    assert _differing(again, tracked(late)[1]) == []
+    assert _differing(again, tracked(recording)[1])
 
 
 def test_missing_noise_levels_are_estimated() -> None:
