@@ -13,7 +13,7 @@ import pytest
 from scipy.signal import butter, sosfilt
 
 from bayes_asv.analysis import input_mistakes
-from bayes_asv.analysis.input_hypotheses import hypotheses_of_recording
+from bayes_asv.analysis.input_hypotheses import CORRECT, hypotheses_of_recording
 from bayes_asv.analysis.input_mistakes import Mistake, check_input, rear_leads
 from bayes_asv.analysis.nominal_values import nominal_mistakes
 from bayes_asv.analysis.screening_fit import screening_fit
@@ -200,6 +200,24 @@ def test_what_undoes_a_mistake_does_not_depend_on_the_units_of_the_columns() -> 
             np.testing.assert_allclose(converted, plain, atol=1e-9, err_msg=str(one.words(1.0)))
             changed += not np.allclose(plain, si.values)
     assert changed > 50
+
+
+@pytest.mark.parametrize("name", ["front_wheel", "front_chassis", "rear_chassis"])
+def test_a_gain_is_as_probable_as_the_readings_that_it_scaled(name: str) -> None:
+    """The density of readings is per unit of those given; the wheels are not predicted."""
+    recording, car = worn(1)
+    log = math.log(1.3)
+    (gain,) = (
+        one
+        for one in hypotheses_of_recording(recording, car, car_model("half", car))
+        if one.sizes and one.stretch(log) == {name: -log}
+    )
+    scaled, scaled_car = gain.undo(recording, car, -log)
+    right = input_mistakes._evaluate(CORRECT, 0.0, [recording], car, "half")
+    found = input_mistakes._evaluate(gain, log, [scaled], scaled_car, "half")
+    readings = len(recording.time) if name.endswith("chassis") else 0
+    assert found.log_posterior == pytest.approx(right.log_posterior - log * readings, abs=0.01)
+    assert found.dispersion == pytest.approx(right.dispersion)
 
 
 def test_the_order_of_the_wheels_is_that_of_the_road() -> None:

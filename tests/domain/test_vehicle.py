@@ -432,6 +432,13 @@ def test_roll_tables_round_trip(tmp_path: Path) -> None:
     assert read_vehicle(path) == car
 
 
+@pytest.mark.parametrize("sd", ["0.5", '"0.5 kN/m"', '"500 N/m"', '"2.5 %"', '"2.5 percent"'])
+def test_a_deviation_may_have_a_unit_of_its_own(read: Callable[[str], Vehicle], sd: str) -> None:
+    line = f'front_spring_rate = {{ value = 20, unit = "kN/m", sd = {sd} }}'
+    given = read(re.sub("(?m)^front_spring_rate.*", line, BAJA)).k_f
+    assert (given.value, given.sd) == pytest.approx((20e3, 500.0))
+
+
 def test_no_value_of_a_vehicle_is_written_in_place_of_another(
     read: Callable[[str], Vehicle],
 ) -> None:

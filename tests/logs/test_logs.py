@@ -154,7 +154,7 @@ def test_left_and_right_become_their_mean_and_one_side_stands_for_both() -> None
     assert set(found) == {"front_travel", "rear_travel"}
     assert found["front_travel"].channel.columns == ("Susp Pos FL", "Susp Pos FR")
     assert found["front_travel"].channel.axis == (0.5, 0.5)
-    assert found["front_travel"].channel.offset == pytest.approx(6.0, abs=1.0)
+    assert found["front_travel"].channel.offset == pytest.approx(6.0, abs=0.3)
     assert "left side stands for both" in found["rear_travel"].why
 
 

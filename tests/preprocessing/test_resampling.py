@@ -103,12 +103,11 @@ def test_of_several_bandwidths_the_smallest_is_taken_for_all_channels(narrow: in
     """A program filters all channels alike."""
     sensors = replace(SensorSpec(), adc=None)
     _, _, recording = case("stops", 3, DECLARED, seconds=4.0, sensors=sensors)
-    ends = [0.2 if c == narrow else 0.4 for c in range(4)]
-    filtered = [
-        filtfilt(firwin(65, end), np.ones(1), values)
-        for end, values in zip(ends, recording.values, strict=True)
-    ]
-    low_passed = replace(recording, values=np.asarray(np.round(filtered, 4), np.float64))
+    values = recording.values.copy()
+    for c in range(4):
+        end = 0.2 if c == narrow else 0.4
+        values[c] = np.round(filtfilt(firwin(65, end), np.ones(1), values[c]), 4)
+    low_passed = replace(recording, values=values)
     alone = [find_resampling(values) for values in low_passed.values]
     shares = [float(one.ratio) for one in alone if one is not None]
     assert len(shares) == 4
