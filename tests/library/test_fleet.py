@@ -123,26 +123,33 @@ def test_the_table_is_parquet_or_csv(
     assert again.to_dict()["files"] == season.to_dict()["files"]
 
 
+@pytest.fixture
+def done(monkeypatch: pytest.MonkeyPatch) -> list[str]:
+    """Names of the recordings that a season gives to its workers, which answer none of them."""
+    names: list[str] = []
+
+    def run(workers: object, function: Callable[..., Any], tasks: Any, finished: Any) -> None:
+        for task in tasks:
+            names.append(Path(task.path).name)
+            finished(task, fleet_module._Answer(None, {"verdict": "unreadable", "reason": "x"}))
+
+    monkeypatch.setattr("bayes_asv.batch.workers.run_tasks", run)
+    return names
+
+
 def test_only_what_is_not_there_is_done(
     season: Fleet,
     folder: Path,
     car: asv.Vehicle,
     tmp_path: Path,
     monkeypatch: pytest.MonkeyPatch,
+    done: list[str],
 ) -> None:
-    done: list[str] = []
-
-    def run(workers: object, function: Callable[..., Any], tasks: Any, finished: Any) -> None:
-        for task in tasks:
-            done.append(Path(task.path).name)
-            finished(task, fleet_module._Answer(None, {"verdict": "unreadable", "reason": "x"}))
-
     def again(vehicle: asv.Vehicle, **options: Any) -> list[str]:
         done.clear()
         asv.fleet(str(folder / "**" / "*.csv"), vehicle, output=tmp_path / "out.parquet", **options)
         return sorted(done)
 
-    monkeypatch.setattr("bayes_asv.batch.workers.run_tasks", run)
     shutil.copytree(season.folder, tmp_path / "out.fleet")
     (tmp_path / "out.fleet" / "index.sqlite").unlink()  # which is made anew from the answers
     renamed = replace(car, source="other.toml", sha256="")
@@ -157,22 +164,14 @@ def test_only_what_is_not_there_is_done(
 
 
 def test_an_answer_by_another_channel_map_is_none(
-    folder: Path, car: asv.Vehicle, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+    folder: Path, car: asv.Vehicle, tmp_path: Path, done: list[str]
 ) -> None:
-    done: list[str] = []
-
-    def run(workers: object, function: Callable[..., Any], tasks: Any, finished: Any) -> None:
-        for task in tasks:
-            done.append(Path(task.path).name)
-            finished(task, fleet_module._Answer(None, {"verdict": "unreadable", "reason": "x"}))
-
     def again(mapped: ChannelMap | None) -> list[str]:
         done.clear()
         vehicle = replace(car, channel_map=mapped)
         asv.fleet(folder / "good.csv", vehicle, output=tmp_path / "out.csv")
         return done
 
-    monkeypatch.setattr("bayes_asv.batch.workers.run_tasks", run)
     names = ("front_wheel", "front_chassis", "rear_wheel", "rear_chassis")
     straight = ChannelMap(tuple(MappedChannel(name, (name,)) for name in names))
     upside_down = ChannelMap(tuple(MappedChannel(name, (name,), scale=-1.0) for name in names))
