@@ -299,11 +299,11 @@ def _delayed(names: tuple[str, ...]) -> Hypothesis:
 
 
 def _si(recording: Recording, vehicle: Vehicle, name: str) -> float | None:
-    """Return the unit of a channel's column in m/s²; None if the vehicle does not declare it."""
+    """Return the unit of a channel's column in SI; None if the vehicle does not declare it."""
     unit = recording.units[recording.channels.index(name)]
     if unit == COUNTS:
         return vehicle.sensor(name).counts_scale
-    return si_factor(unit, "acceleration")
+    return si_factor(unit, vehicle.channel(name).dimension)
 
 
 def _misplaced(name: str, other: str) -> Hypothesis:

@@ -50,6 +50,7 @@ from bayes_asv.domain.errors import InputError
 from bayes_asv.domain.quantities import QUANTITIES
 from bayes_asv.domain.recording import Recording
 from bayes_asv.domain.vehicle import Vehicle
+from bayes_asv.models.car_model import CarModel
 from bayes_asv.models.cars import car_model
 from bayes_asv.preprocessing.activity import cut, most_active_rows, wheel_power
 from bayes_asv.preprocessing.faulty_channels import noisy_channels, stuck_channels
@@ -156,7 +157,7 @@ def check_input(
         return None
     if contradicted:
         assert fit is not None
-        return InputCheck((), _contradiction(contradicted, fit.values, vehicle), holds)
+        return InputCheck((), _contradiction(contradicted, fit.values, model), holds)
     return InputCheck(
         (),
         "the linear car does not explain the recording down to the noise of the sensors; run "
@@ -193,13 +194,14 @@ def _mistakes_of_one_recording(
     return []
 
 
-def _contradiction(moved: Sequence[str], values: Mapping[str, float], vehicle: Vehicle) -> str:
+def _contradiction(moved: Sequence[str], values: Mapping[str, float], model: CarModel) -> str:
     """Say which given values the recording contradicts, and by what factors."""
+    given = {parameter.name: parameter.nominal for parameter in model.parameters}
     parts = []
     for name in moved:
         if name not in QUANTITIES:
             continue
-        factor = getattr(vehicle, name).value / values[name]
+        factor = given[name] / values[name]
         mass = f" (or the sprung mass, {1.0 / factor:.2f} times)" if name.startswith("k_") else ""
         parts.append(f"the {QUANTITIES[name][1]}, {factor:.2f} times what it shows{mass}")
     return (
