@@ -199,8 +199,6 @@ def _contradiction(moved: Sequence[str], values: Mapping[str, float], model: Car
     given = {parameter.name: parameter.nominal for parameter in model.parameters}
     parts = []
     for name in moved:
-        if name not in QUANTITIES:
-            continue
         factor = given[name] / values[name]
         mass = f" (or the sprung mass, {1.0 / factor:.2f} times)" if name.startswith("k_") else ""
         parts.append(f"the {QUANTITIES[name][1]}, {factor:.2f} times what it shows{mass}")

@@ -90,7 +90,7 @@ class _LazyGroup(click.Group):
     cls=_LazyGroup,
     context_settings={"help_option_names": ["-h", "--help"], "max_content_width": 100},
     epilog="Exit status: 0 done, 2 unreadable input, 3 the data cannot answer, 4 not converged, "
-    "5 watch raised its alarm.",
+    "5 watch raised its alarm, 6 the sessions of compare contradict each other.",
 )
 @click.version_option(__version__, prog_name="bayes-asv")
 def cli() -> None:

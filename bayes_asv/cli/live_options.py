@@ -34,7 +34,8 @@ def live_options(command: Callable[..., Any]) -> Callable[..., Any]:
             click.option("--gif", metavar="FILE.gif", help="Draw it as an animation."),
             click.option(
                 "--speed", type=click.FloatRange(0.01, 100.0), metavar="X",
-                help="Seconds of the recording per second, for the three above.  [default: 1]",
+                help="Seconds of the recording per second, for the three above.  [default: 1; an "
+                "animation lasts 4 to 6 s]",
             ),
             click.option("--no-browser", is_flag=True, help="With --live: open no browser."),
             click.option("--port", metavar="P", help="A serial port instead of a recording."),

@@ -10,6 +10,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from bayes_asv.domain.channels import Channel
+from bayes_asv.domain.errors import InputError
 from bayes_asv.domain.vehicle import Vehicle
 from bayes_asv.models.effects import PlacedEffect
 from bayes_asv.posterior.denoised_inputs import denoise_and_predict, simulate_nominal_outputs
@@ -131,7 +132,13 @@ def update_corrections(dataset: Dataset, model: FittedModel) -> Dataset:
 
 
 def update_corrections_at(dataset: Dataset, posterior: Posterior, z: Array) -> Dataset:
-    """Recompute the corrections of sensor faults from the prediction at coordinates (D,)."""
+    """Recompute the corrections of sensor faults from the prediction at coordinates (D,).
+
+    Raises
+    ------
+    InputError
+        The simulation diverges: these coordinates are of no car.
+    """
 
     def corrections_of_run(run: int) -> SensorCorrections:
         declared = (
@@ -139,7 +146,14 @@ def update_corrections_at(dataset: Dataset, posterior: Posterior, z: Array) -> D
             if dataset.inputs_denoised
             else denoise_and_predict(posterior, z, run, dataset.vehicle).after
         )
-        return sensor_corrections(dataset.recordings[run], dataset.vehicle, declared)
+        recording = dataset.recordings[run]
+        if not np.all(np.isfinite(declared)):
+            raise InputError(
+                recording.source,
+                f"the simulation of the fitted {recording.car.name} car diverges, as no car does",
+                "check channels, signs, units and clocks, and the values in the vehicle file",
+            )
+        return sensor_corrections(recording, dataset.vehicle, declared)
 
     with shared_work(posterior) as shared:
         assert shared.pool is not None

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import math
+import re
 from collections.abc import Callable
 from dataclasses import replace
 from pathlib import Path
@@ -22,7 +23,14 @@ from bayes_asv.domain.vehicle import Given, Nominal, Vehicle, read_vehicle
 from bayes_asv.estimation import estimate
 from bayes_asv.io import read_recording
 from bayes_asv.models.cars import car_model
+from bayes_asv.simulation.roads import road
+from bayes_asv.simulation.simulate import simulate
 from tests.posterior.cases import DECLARED, case, vehicle
+from tests.posterior.test_other_sensors import vehicle as vehicle_with_other_sensors
+from tests.posterior.test_roll import as_recording as wide_recording
+from tests.posterior.test_roll import vehicle as wide_vehicle
+from tests.rig import bump
+from tests.rig.wide import shifted, wide_baja, wide_drive
 
 Input = tuple[Recording, Vehicle]
 
@@ -202,6 +210,29 @@ def test_what_undoes_a_mistake_does_not_depend_on_the_units_of_the_columns() -> 
     assert changed > 50
 
 
+def test_mistakes_of_other_sensors_are_undone_in_their_own_units() -> None:
+    """A column in millimetres or degrees per second, as one in metres or radians per second."""
+    given = vehicle_with_other_sensors()
+    channels = ("front_wheel", "rear_wheel", "front_travel", "body_vertical", "body_pitch_rate")
+    ground = road("bump", np.random.default_rng(5))
+    si = simulate(given, ground, seconds=1.0, seed=5, channels=channels).recording
+    si = replace(si, units=("m/s^2", "m/s^2", "m", "m/s^2", "rad/s"))
+    size = np.array([[9.80665], [1.0], [1e-3], [9.80665], [np.pi / 180.0]])
+    mixed = replace(si, values=si.values / size, units=("g", "m/s^2", "mm", "g", "deg/s"))
+    model = car_model("half", given)
+    ways = [hypotheses_of_recording(one, given, model) for one in (si, mixed)]
+    changed = 0
+    for one, other in zip(*ways, strict=True):
+        for by in one.sizes or (0.0,):
+            found = [h.undo(r, given, by) for h, r in ((one, si), (other, mixed))]
+            plain, converted = (accelerations(*corrected) for corrected in found)
+            np.testing.assert_allclose(converted, plain, atol=1e-9, err_msg=str(one.words(by)))
+            noise, other_noise = ([car.sensor(n).noise for n in channels] for _, car in found)
+            assert noise == pytest.approx(other_noise)
+            changed += not np.allclose(plain, si.values)
+    assert changed > 50
+
+
 @pytest.mark.parametrize("name", ["front_wheel", "front_chassis", "rear_chassis"])
 def test_a_gain_is_as_probable_as_the_readings_that_it_scaled(name: str) -> None:
     """The density of readings is per unit of those given; the wheels are not predicted."""
@@ -279,3 +310,19 @@ def test_wear_is_no_mistake(loss: float) -> None:
     values["c_f"] *= loss
     values["c_r"] *= math.sqrt(loss)
     assert nominal_mistakes(car, model, values) == []
+
+
+def test_a_spring_of_a_corner_that_the_recording_contradicts_is_named(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    """The roll car's springs are halves of what the vehicle file gives for an axle."""
+    monkeypatch.setattr(input_mistakes, "likely_mistakes", lambda *_, **__: [])  # finds none
+    nominal, road_left = wide_baja(), bump()
+    car = replace(nominal, k=(*nominal.k[:3], 2.0 * nominal.k[3]))
+    run = wide_drive(car, (road_left, shifted(road_left, 0.6)), 4.4, 400.0, 2.0, 5)
+    found = check_input([wide_recording(run)], wide_vehicle(tmp_path, {"k": 0.05}), "roll")
+    assert found is not None
+    assert "contradicts what is given" in found.sentence
+    said = re.search(r"the rear right spring rate, ([0-9.]+) times", found.sentence)
+    assert said is not None
+    assert float(said[1]) == pytest.approx(0.5, rel=0.1)

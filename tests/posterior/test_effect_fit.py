@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import numpy as np
 import pytest
 
 from bayes_asv.domain.errors import InputError
@@ -10,7 +11,12 @@ from bayes_asv.filters.kalman import MISSING
 from bayes_asv.io import read_recording
 from bayes_asv.models.effects import placed_effect
 from bayes_asv.posterior.effect_fit import candidates, fit_with_effect, with_effects
-from bayes_asv.posterior.fitted_model import fit_linear_car, fit_model, make_dataset
+from bayes_asv.posterior.fitted_model import (
+    fit_linear_car,
+    fit_model,
+    make_dataset,
+    update_corrections_at,
+)
 from bayes_asv.posterior.free_simulation import free_run
 from bayes_asv.preprocessing.run_preparation import prepare_runs
 from tests.cli.conftest import ROOT
@@ -54,6 +60,19 @@ def test_stops_are_tried_within_the_travel_to_their_own_side() -> None:
             shares.append(max(gaps) / travel)
     assert shares == pytest.approx([shares[0]] * 4)
     assert 0.5 < shares[0] < 1.0
+
+
+def test_a_fit_that_is_no_car_is_refused_in_one_sentence() -> None:
+    """A rear damper a thousand times too stiff, as a fit finds it for exchanged columns."""
+    car = vehicle(DECLARED)
+    _, _, recording = case("stops", 2, DECLARED)
+    dataset = make_dataset(car, (prepared(recording, car),))
+    z = np.zeros(dataset.posterior(()).space.dimension)
+    z[1] = 9.0
+    assert dataset.posterior(()).space.values(z[None])["c_r"] > 1e3 * car.c_r.value
+    with pytest.raises(InputError, match="simulation of the fitted half car diverges") as refused:
+        update_corrections_at(dataset, dataset.posterior(()), z)
+    assert "check channels, signs, units and clocks" in refused.value.fix
 
 
 def test_an_effect_that_is_in_the_model_already_is_refused() -> None:
