@@ -291,7 +291,7 @@ def regress_on_unlisted_faults(
             changes = _perturbations(dataset, at.motions, current)
             dataset = replace(dataset, perturbations=changes)
             model = fit_again(dataset, model, model.placed_effects)
-            if not math.isfinite(model.mode.log_posterior):
+            if model.diverged:
                 return None
             at = _Linearised(dataset, model, evidence, current)
     if not current.terms:

@@ -13,6 +13,7 @@ the other one only if that fails.
 
 from __future__ import annotations
 
+import math
 from dataclasses import replace
 
 from bayes_asv.diagnosis.forward_selection import Selection, select_effects
@@ -94,6 +95,8 @@ def _select_with_laws(
         dataset, model = with_effects(current.dataset, placed_effects, current.model)
         named += [NamedEffect(placed, 1.0, (), {}) for placed in placed_effects]
         current, named = prune(assess(dataset, model, seed), named, seed)
+        if not math.isfinite(current.evidence.log_evidence):
+            return None  # the fit diverged
         if not _is_misspecified(current, seed):
             break
         law = _best_free_law(part, current)

@@ -41,7 +41,7 @@ from bayes_asv.diagnosis.score_test import NuisanceProjection, ScoreTest, nuisan
 from bayes_asv.models.effects import PlacedEffect
 from bayes_asv.posterior.effect_fit import Candidate
 from bayes_asv.posterior.fisher_scoring import STEP, ScoreAndInformation
-from bayes_asv.posterior.fitted_model import FittedModel, fit_model
+from bayes_asv.posterior.fitted_model import FittedModel, fit_model, is_resolved
 from bayes_asv.posterior.likelihood import Posterior
 
 __all__ = [
@@ -259,7 +259,7 @@ def tolerance_evidence(
         Expand about the model's own mode only, which overestimates the evidence.
     """
     alone = model.mode.log_evidence
-    if not (math.isfinite(alone) and np.all(np.isfinite(test.information))):  # a fit that diverged
+    if model.diverged or not np.all(is_resolved(test.information)):
         no_sensitivities = np.zeros((0, len(model.mode.slopes.nu)))
         origin = np.zeros(len(model.mode.z))
         impossible = np.full(len(TOLERANCE_SCALES), -math.inf)

@@ -73,6 +73,7 @@ from bayes_asv.posterior.fit_checks import explained_power_findings
 from bayes_asv.posterior.fitted_model import Dataset, fit_linear_car, make_dataset
 from bayes_asv.posterior.free_simulation import free_run
 from bayes_asv.posterior.model_error import model_error
+from bayes_asv.preprocessing.faulty_channels import with_measured_noise
 from bayes_asv.preprocessing.prepared_recording import PreparedRecording
 from bayes_asv.preprocessing.resampling import at_own_rate
 from bayes_asv.preprocessing.run_preparation import prepare_runs
@@ -130,6 +131,11 @@ def diagnose(
     fit, reasons, warnings = prepare_runs(fit_runs, vehicle, car=car)
     if reasons:
         return DiagnosisResult("refused", reasons, warnings, (), vehicle, seed, car=car)
+    # with noise that is far too low, effects of the car would be named for that of a sensor
+    declared = vehicle
+    vehicle, noisy = with_measured_noise(fit_runs, declared, car_model(car, declared))
+    if noisy:
+        fit, warnings = prepare_runs(fit_runs, vehicle, car=car)[0], (*warnings, *noisy)
     holdout_prepared, unusable, _ = (
         prepare_runs(holdout_runs, vehicle, car=car) if holdout_runs else ((), (), ())
     )
@@ -149,7 +155,8 @@ def diagnose(
     )
     misread_sentence = _misread_channel(given, fit_runs, vehicle, car)
     if misread_sentence is not None:
-        return DiagnosisResult("refused", (misread_sentence,), warnings, (), vehicle, seed, car=car)
+        reasons = (misread_sentence,)
+        return DiagnosisResult("refused", reasons, warnings, (), declared, seed, car=car)
     search = _search(given, holdout_prepared, seed, progress)
     localization = localize(search.without_tones.fit, search.without_tones.linear)
     validated = validate(
@@ -206,7 +213,7 @@ def diagnose(
         reasons=(),
         warnings=(*warnings, *notes),
         recording_faults=find_recording_faults(fit),
-        vehicle=vehicle,
+        vehicle=declared,
         seed=seed,
         car=car,
         p_value=search.p_value,

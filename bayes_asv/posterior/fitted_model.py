@@ -29,6 +29,7 @@ __all__ = [
     "fit_again",
     "fit_linear_car",
     "fit_model",
+    "is_resolved",
     "make_dataset",
     "transfer_coordinates",
     "update_corrections",
@@ -161,6 +162,11 @@ def update_corrections_at(dataset: Dataset, posterior: Posterior, z: Array) -> D
     return replace(dataset, sensor_corrections=tuple(corrections))
 
 
+def is_resolved(information: Array) -> NDArray[np.bool_]:
+    """Whether double precision resolves the identity, the prior's precision, beside information."""
+    return np.abs(information) < 1.0 / np.finfo(float).eps
+
+
 @dataclass(frozen=True)
 class FittedModel:
     """A model and its mode.
@@ -183,6 +189,12 @@ class FittedModel:
     def space(self) -> ParameterSpace:
         """Coordinates and priors."""
         return self.posterior.space
+
+    @property
+    def diverged(self) -> bool:
+        """Whether the fit has left all cars: double precision loses the prior beside the data."""
+        precision = self.mode.slopes.precision()
+        return not (math.isfinite(self.mode.log_posterior) and bool(np.all(is_resolved(precision))))
 
     def transfer(self, new: ParameterSpace) -> Array:
         """Coordinates of the mode in another model; shared coordinates keep their values."""

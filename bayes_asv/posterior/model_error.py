@@ -81,9 +81,10 @@ def model_error(fit: FittedModel) -> Array:
         expected += without @ band.information @ without
     excess = moves.T @ moves - expected
     # the positive part of the excess, in the metric of the posterior
-    covariance = np.linalg.inv(precision)
-    root = np.linalg.cholesky(covariance)
-    inverse = np.linalg.inv(root)
+    size, axes = np.linalg.eigh(precision)
+    size = np.maximum(size, 1.0)  # that of the prior is the identity; rounding may lose it
+    root, inverse = axes / np.sqrt(size), (axes * np.sqrt(size)).T
+    covariance = root @ root.T
     values, vectors = np.linalg.eigh(inverse @ excess @ inverse.T)
     root_of_excess = root @ (vectors * np.sqrt(np.maximum(values, 0.0)))
     weights = np.array([np.sum(band.information * covariance) for band in bands])

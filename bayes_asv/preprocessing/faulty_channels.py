@@ -9,6 +9,7 @@ from __future__ import annotations
 
 import math
 from collections.abc import Sequence
+from dataclasses import replace
 from pathlib import Path
 
 import numpy as np
@@ -20,9 +21,11 @@ from bayes_asv.domain.recording import Recording
 from bayes_asv.domain.vehicle import Sensor, Vehicle
 from bayes_asv.models.car_model import CarModel
 from bayes_asv.preprocessing.prepare import rails, used_readings
-from bayes_asv.preprocessing.quantization import quiet_level, smallest_step
+from bayes_asv.preprocessing.quantization import quiet_level, smallest_step, top_level
 
-__all__ = ["clipping_limit", "noisy_channels", "stuck_channels"]
+__all__ = [
+    "clipping_limit", "noise_ratios", "noisy_channels", "stuck_channels", "with_measured_noise",
+]  # fmt: skip
 
 Array = NDArray[np.float64]
 Flags = NDArray[np.bool_]
@@ -112,11 +115,12 @@ def stuck_channels(recording: Recording, vehicle: Vehicle, car: CarModel) -> lis
     return reasons
 
 
-def noisy_channels(recording: Recording, vehicle: Vehicle, car: CarModel) -> list[str]:
-    """Report channels that are far noisier than declared, while that of the other axle is not.
+def noise_ratios(recording: Recording, vehicle: Vehicle, car: CarModel) -> dict[str, float]:
+    """Noise over declared noise of channels that are far noisier than those of the other axle.
 
-    On a rough road the motion of a wheel resembles noise too, but at both axles.  The ratio between
-    the axles is then as uncertain as the excess itself, hence the square.
+    The level is the smaller one of that of the quarter with the least motion and of that at the top
+    of the spectrum.  On a rough road the motion of a wheel resembles noise too, but at both axles.
+    The ratio between the axles is then as uncertain as the excess itself, hence the square.
 
     Parameters
     ----------
@@ -125,27 +129,64 @@ def noisy_channels(recording: Recording, vehicle: Vehicle, car: CarModel) -> lis
 
     Returns
     -------
-    list of str
-        One message for each noisy channel.
+    dict of str to float
+        One ratio for each noisy channel.
     """
     ratios = {}
     channels, readings, _ = used_readings(recording, vehicle, car)
     for channel, values in zip(channels, readings, strict=True):
         name, sensor = channel.name, vehicle.sensor(channel.name)
         if sensor.noise:
-            stated = float(np.hypot(sensor.noise, (sensor.resolution or 0.0) / np.sqrt(12.0)))
-            ratios[name] = quiet_level(values, 0.0) / stated
-    out = []
+            level = min(quiet_level(values, 0.0), top_level(values))
+            ratios[name] = level / _stated_level(sensor)
+    noisy = {}
     for name, ratio in ratios.items():
         front, rear = name.replace("rear", "front", 1), name.replace("front", "rear", 1)
         other = ratios.get(rear if name == front else front)
         if other is not None and ratio > _NOISY * max(other, 1.0) ** 2:
-            out.append(
-                f"the {vehicle.channel(name).words} sensor of {Path(recording.source).name} is "
-                f"{ratio:.0f} times as noisy as the vehicle file says; check sensor, plug, cable "
-                "and mount"
-            )
-    return out
+            noisy[name] = ratio
+    return noisy
+
+
+def _stated_level(sensor: Sensor) -> float:
+    """Return the declared noise of one reading, with the errors of the converter."""
+    return float(np.hypot(sensor.noise or 0.0, (sensor.resolution or 0.0) / np.sqrt(12.0)))
+
+
+def noisy_channels(recording: Recording, vehicle: Vehicle, car: CarModel) -> list[str]:
+    """Report channels that are far noisier than declared, see :func:`noise_ratios`."""
+    return [
+        f"the {vehicle.channel(name).words} sensor of {Path(recording.source).name} is {ratio:.0f} "
+        "times as noisy as the vehicle file says; check sensor, plug, cable and mount"
+        for name, ratio in noise_ratios(recording, vehicle, car).items()
+    ]
+
+
+def with_measured_noise(
+    recordings: Sequence[Recording], vehicle: Vehicle, car: CarModel
+) -> tuple[Vehicle, list[str]]:
+    """Replace the declared noise of sensors that are far noisier by what the recordings show.
+
+    Parameters
+    ----------
+    recordings, vehicle, car
+        As for :func:`noise_ratios`.
+
+    Returns
+    -------
+    Vehicle, list of str
+        The vehicle with the largest noise of each sensor, and one message for each noisy channel.
+    """
+    sensors, words = dict(vehicle.sensors), []
+    for recording in recordings:
+        for name, ratio in noise_ratios(recording, vehicle, car).items():
+            sensor = vehicle.sensor(name)
+            step = (sensor.resolution or 0.0) / np.sqrt(12.0)
+            # the converter adds the same errors to more noise
+            level = float(np.sqrt((ratio * _stated_level(sensor)) ** 2 - step**2))
+            sensors[name] = replace(sensors[name], noise=max(level, sensors[name].noise or 0.0))
+        words += noisy_channels(recording, vehicle, car)
+    return replace(vehicle, sensors=sensors), words
 
 
 def _copies(values: Array, channels: Sequence[Channel]) -> list[tuple[int, int]]:

@@ -36,6 +36,7 @@ __all__ = [
     "smallest_step",
     "spurious_drift",
     "still_variance",
+    "top_level",
     "with_noise_of_still_wheels",
     "without_standstill",
 ]
@@ -268,11 +269,11 @@ def noise_level(recording: PreparedRecording, c: int) -> float:
     if recording.noise_prior_centre is not None:
         return float(recording.noise_prior_centre[c])
     a, step = recording.values[c], float(recording.quantization_steps[c])
-    quiet, top = quiet_level(a, step), _high_frequency_level(a)
+    quiet, top = quiet_level(a, step), top_level(a)
     return quiet if top > _EMPTY * quiet else _bounded_level(top, a[np.isfinite(a)], step)
 
 
-def _high_frequency_level(a: Array) -> float:
+def top_level(a: Array) -> float:
     """Level (m/s²) of white noise with the density of readings (N,) at the top of their spectrum.
 
     It is the median of the periodogram (Hann window) over the upper third of the frequencies; the

@@ -14,7 +14,7 @@ from bayes_asv.diagnosis.fault_regression import _Scores, regress_on_unlisted_fa
 from bayes_asv.diagnosis.model_comparison import draw_quantities, weighted_posterior
 from bayes_asv.diagnosis.simulation_error import compare_errors
 from bayes_asv.diagnosis.unlisted_fault_models import FaultTerm
-from bayes_asv.posterior.fitted_model import make_dataset
+from bayes_asv.posterior.fitted_model import FittedModel, fit_again, make_dataset
 from bayes_asv.posterior.free_simulation import free_run
 from bayes_asv.posterior.likelihood import Perturbation
 from bayes_asv.preprocessing.run_preparation import prepare_runs
@@ -56,6 +56,23 @@ def test_an_exact_car_needs_nothing() -> None:
     one = case("null/bump~baja", 3, 0)
     holdout = prepared(one.holdout, one.vehicle)
     assert regress_on_unlisted_faults(assess_case("null/bump~baja", 3, 0, "dev"), holdout) is None
+
+
+def test_faults_with_which_the_fit_diverges_explain_nothing(
+    monkeypatch: pytest.MonkeyPatch,
+) -> None:
+    fitted = []
+
+    def diverging(*given: Any) -> FittedModel:
+        fitted.append(fit_again(*given))
+        mode = fitted[-1].mode
+        slopes = replace(mode.slopes, means=1e30 * mode.slopes.means)
+        return replace(fitted[-1], mode=replace(mode, slopes=slopes))
+
+    monkeypatch.setattr("bayes_asv.diagnosis.fault_regression.fit_again", diverging)
+    assessed = assess_case("panel_resonance-4000", 191, 0, "dev")
+    assert regress_on_unlisted_faults(assessed, None) is None
+    assert len(fitted) == 1
 
 
 def test_no_fault_is_larger_a_priori_than_is_usual() -> None:

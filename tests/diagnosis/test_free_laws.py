@@ -3,8 +3,10 @@
 from __future__ import annotations
 
 from dataclasses import replace
+from typing import Any
 
 import numpy as np
+import pytest
 
 from bayes_asv.diagnosis.forward_selection import start_selection
 from bayes_asv.diagnosis.free_laws import with_free_laws
@@ -14,7 +16,7 @@ from bayes_asv.diagnosis.model_assessment import assess
 from bayes_asv.diagnosis.model_comparison import draw_dampers, draw_springs
 from bayes_asv.diagnosis.workflow import diagnose
 from bayes_asv.domain.recording import Recording
-from bayes_asv.posterior.fitted_model import fit_linear_car
+from bayes_asv.posterior.fitted_model import Dataset, FittedModel, fit_linear_car
 from bayes_asv.report.documents.diagnose import diagnose_document
 from bayes_asv.report.sections.diagnosis import findings
 from tests.battery.cases import case
@@ -54,6 +56,26 @@ def test_a_progressive_damper_is_a_curve() -> None:
     assert rear.element == "rear"
     assert rates["c_r"].shape == rear.equal_power.shape
     assert draw_springs(found.on_inputs_as_read, found.evidence, 0) == ()
+
+
+def test_a_law_with_which_the_fit_diverges_is_no_law(monkeypatch: pytest.MonkeyPatch) -> None:
+    one = case("progressive_damper-4000", 58, 0, "test")
+    dataset = prepared(one.recordings[:1], one.vehicle)
+    linear = assess(dataset, fit_linear_car(dataset), 0)
+    nothing = replace(linear.evidence, by_scale=np.full_like(linear.evidence.by_scale, -np.inf))
+    diverged = replace(linear, evidence=nothing)
+    tried = []
+
+    def with_law(given: Any, placed_effects: Any, model: Any) -> tuple[Dataset, FittedModel]:
+        tried.extend(placed_effects)
+        return dataset, linear.model
+
+    monkeypatch.setattr("bayes_asv.diagnosis.free_laws.with_effects", with_law)
+    monkeypatch.setattr("bayes_asv.diagnosis.free_laws.prune", lambda *given: (diverged, []))
+    monkeypatch.setattr("bayes_asv.diagnosis.free_laws.select_effects", None)  # would start there
+    stopped = replace(start_selection(linear), stopped_by="an unlisted fault")
+    assert with_free_laws(stopped, linear, None, 0, ignore_progress) is stopped
+    assert tried
 
 
 def test_a_spring_that_is_stiffer_beyond_a_play_is_a_curve() -> None:

@@ -1,4 +1,4 @@
-"""Large sensor faults: a bandwidth of a quarter of the declared one, and a lag of two samples."""
+"""Large sensor faults: a quarter of the declared bandwidth, a lag of two samples, much noise."""
 
 from __future__ import annotations
 
@@ -9,8 +9,8 @@ import numpy as np
 import pytest
 
 from bayes_asv.diagnosis.workflow import diagnose
-from bayes_asv.domain.recording import Recording
-from tests.posterior.cases import DECLARED, as_recording, vehicle
+from bayes_asv.domain.recording import Recording, accelerations
+from tests.posterior.cases import DECLARED, as_recording, case, vehicle
 from tests.rig import DEFAULT_SPEEDS, TERRAINS, SensorSpec, baja, draw, drive
 
 SLOW: dict[str, Any] = {"bandwidth": (50.0, 12.5, 50.0, 50.0)}
@@ -50,3 +50,18 @@ def test_a_large_sensor_fault_is_one_effect(
         draws = (diagnosis.effect_draws or {})[name][parameter[0]]
         low, high = np.quantile(draws, [0.001, 0.999])
         assert low < parameter[1] < high
+
+
+@pytest.mark.parametrize("name", ["front_wheel", "front_chassis"])
+def test_a_noisy_sensor_is_no_effect_of_the_car(name: str) -> None:
+    """With the declared noise the damper had a bend or the spring a curve, certainly."""
+    car, recording = vehicle(DECLARED), case("bump", 6, DECLARED)[2]
+    values = accelerations(recording, car)
+    c = recording.channels.index(name)
+    noise = 10.0 * (car.sensor(name).noise or 0.0)
+    values[c] += noise * np.random.default_rng(6).normal(size=values.shape[1])
+    found = diagnose([replace(recording, values=values, units=("m/s^2",) * 4)], [], car)
+    assert (found.verdict, found.named) == ("agreement", ())
+    words = f"the {name.replace('_', ' ')} sensor of bump-6.csv is"
+    assert [w for w in found.warnings if w.startswith(words) and "times as noisy" in w]
+    assert found.vehicle is car

@@ -141,6 +141,14 @@ def test_a_car_without_other_tolerances_has_no_such_evidence() -> None:
     assert evidence_as_tolerance([placed], model, evidence, known) == -math.inf
 
 
+def test_a_fit_that_diverged_has_no_evidence() -> None:
+    """Its sensitivities are finite numbers that no car has, beside which the prior is lost."""
+    assessed = assess_case("null", 5, 0, "dev")
+    test = replace(assessed.test, information=1e200 * assessed.test.information)
+    assert tolerance_evidence(assessed.model, test).log_evidence == -math.inf
+    assert math.isfinite(tolerance_evidence(assessed.model, assessed.test).log_evidence)
+
+
 @given(value=st.floats(0.1, 3.0), seed=st.integers(0, 100))
 def test_the_number_of_tolerances_is_the_ratio_of_the_forces(value: float, seed: int) -> None:
     """At the same deflection and velocity."""

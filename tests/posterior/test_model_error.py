@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Sequence
+from dataclasses import replace
 from types import SimpleNamespace
 from typing import Any
 
@@ -56,6 +57,24 @@ def test_more_of_the_same_drive_does_not_average_it_out() -> None:
     assert np.all(many > 0.5 * one)
     noise = [np.trace(fit.mode.covariance[of_car, of_car]) for fit in (once, four)]
     assert noise[1] < noise[0]
+
+
+def test_it_is_a_covariance_however_alike_coordinates_are() -> None:
+    """Points of a curve at the ends of their heavy-tailed priors: only sums of them are known."""
+    recording, given, _ = driven(0, 1.0)
+    fit = _fit([recording], given)
+    means = fit.mode.slopes.means.copy()
+    means[0] *= 1e4
+    means[1:3] += means[0]
+    known = replace(fit, mode=replace(fit.mode, slopes=replace(fit.mode.slopes, means=means)))
+    assert np.linalg.cond(known.mode.slopes.precision()) > 1e12
+    found = model_error(known)
+    assert found.any()
+    np.testing.assert_allclose(found, found.T)
+    assert np.linalg.eigvalsh(found)[0] > -1e-12 * np.trace(found)
+    assert not known.diverged
+    means[0] *= 1e6
+    assert known.diverged
 
 
 @pytest.mark.parametrize("information", [(40.0, 40.0), (90.0, 20.0, 10.0), (5.0,) * 12])
