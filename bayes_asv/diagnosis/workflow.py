@@ -18,6 +18,7 @@
 
 from __future__ import annotations
 
+import math
 import time
 from collections.abc import Sequence
 from dataclasses import replace
@@ -70,7 +71,12 @@ from bayes_asv.models.cars import car_model
 from bayes_asv.models.effects import PlacedEffect
 from bayes_asv.posterior.clock_errors import align_clocks
 from bayes_asv.posterior.fit_checks import explained_power_findings
-from bayes_asv.posterior.fitted_model import Dataset, fit_linear_car, make_dataset
+from bayes_asv.posterior.fitted_model import (
+    Dataset,
+    divergence_error,
+    fit_linear_car,
+    make_dataset,
+)
 from bayes_asv.posterior.free_simulation import free_run
 from bayes_asv.posterior.model_error import model_error
 from bayes_asv.preprocessing.faulty_channels import with_measured_noise
@@ -121,6 +127,11 @@ def diagnose(
     Returns
     -------
     DiagnosisResult
+
+    Raises
+    ------
+    InputError
+        If no car can be fitted to the recordings.
     """
     clock = time.perf_counter()
     progress = progress or (lambda share, text: None)
@@ -292,6 +303,8 @@ def _search(
 ) -> _Search:
     """Search for an engine and for missing effects."""
     first = assess(given.fit, given.linear, seed)
+    if not math.isfinite(first.evidence.log_evidence):
+        raise divergence_error(given.fit.recordings[0])
     explained = _explained_energy(first)
     dataset, linear, engine, holdout_runs = remove_engine_tones(
         given.fit,

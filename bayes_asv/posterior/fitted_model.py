@@ -26,6 +26,7 @@ from bayes_asv.preprocessing.quantization import with_noise_of_still_wheels, wit
 __all__ = [
     "Dataset",
     "FittedModel",
+    "divergence_error",
     "fit_again",
     "fit_linear_car",
     "fit_model",
@@ -138,7 +139,7 @@ def update_corrections_at(dataset: Dataset, posterior: Posterior, z: Array) -> D
     Raises
     ------
     InputError
-        The simulation diverges: these coordinates are of no car.
+        If the simulation diverges: these coordinates are of no car.
     """
 
     def corrections_of_run(run: int) -> SensorCorrections:
@@ -149,11 +150,7 @@ def update_corrections_at(dataset: Dataset, posterior: Posterior, z: Array) -> D
         )
         recording = dataset.recordings[run]
         if not np.all(np.isfinite(declared)):
-            raise InputError(
-                recording.source,
-                f"the simulation of the fitted {recording.car.name} car diverges, as no car does",
-                "check channels, signs, units and clocks, and the values in the vehicle file",
-            )
+            raise divergence_error(recording)
         return sensor_corrections(recording, dataset.vehicle, declared)
 
     with shared_work(posterior) as shared:
@@ -165,6 +162,15 @@ def update_corrections_at(dataset: Dataset, posterior: Posterior, z: Array) -> D
 def is_resolved(information: Array) -> NDArray[np.bool_]:
     """Whether double precision resolves the identity, the prior's precision, beside information."""
     return np.abs(information) < 1.0 / np.finfo(float).eps
+
+
+def divergence_error(recording: PreparedRecording) -> InputError:
+    """Return the error of a recording to which no car can be fitted."""
+    return InputError(
+        recording.source,
+        f"the fit of the {recording.car.name} car diverges, so that it is no car at all",
+        "check channels, signs, units and clocks, and the values in the vehicle file",
+    )
 
 
 @dataclass(frozen=True)

@@ -76,14 +76,13 @@ def model_error(fit: FittedModel) -> Array:
         return np.zeros((d, d))
     moves, expected = np.zeros((len(bands), d)), np.zeros((d, d))
     for b, band in enumerate(bands):
-        without = np.linalg.inv(precision - band.information)
+        root, _ = _root_of_inverse(precision - band.information)
+        without = root @ root.T
         moves[b] = without @ band.score
         expected += without @ band.information @ without
     excess = moves.T @ moves - expected
     # the positive part of the excess, in the metric of the posterior
-    size, axes = np.linalg.eigh(precision)
-    size = np.maximum(size, 1.0)  # that of the prior is the identity; rounding may lose it
-    root, inverse = axes / np.sqrt(size), (axes * np.sqrt(size)).T
+    root, inverse = _root_of_inverse(precision)
     covariance = root @ root.T
     values, vectors = np.linalg.eigh(inverse @ excess @ inverse.T)
     root_of_excess = root @ (vectors * np.sqrt(np.maximum(values, 0.0)))
@@ -91,6 +90,13 @@ def model_error(fit: FittedModel) -> Array:
     degrees = float(np.sum(weights)) ** 2 / float(np.sum(weights**2))
     student_factor = float(student.ppf(0.975, degrees) / norm.ppf(0.975))
     return np.asarray(student_factor**2 * root_of_excess @ root_of_excess.T)
+
+
+def _root_of_inverse(precision: Array) -> tuple[Array, Array]:
+    """Return R with R Rᵀ = P⁻¹, and its inverse; rounding may lose the prior's part of P, I."""
+    size, axes = np.linalg.eigh(precision)
+    deviation = np.sqrt(np.maximum(size, 1.0))
+    return axes / deviation, (axes * deviation).T
 
 
 def draw_cars(

@@ -7,11 +7,14 @@ from __future__ import annotations
 
 from dataclasses import replace
 from functools import cache
+from typing import Any
 
 import numpy as np
 import pytest
 
+from bayes_asv.diagnosis.model_assessment import AssessedModel, assess
 from bayes_asv.diagnosis.workflow import DiagnosisResult, diagnose
+from bayes_asv.domain.errors import InputError
 from bayes_asv.report.documents.diagnose import diagnose_document
 from bayes_asv.report.sections.diagnosis import diagnosis_lines
 from benchmarks.battery.judge import Judged, judge
@@ -42,6 +45,21 @@ def test_a_car_without_a_fault_agrees() -> None:
     assert diagnosis.errors is not None
     for error in diagnosis.errors.values():
         assert error.before == pytest.approx(error.floor, rel=0.15)
+
+
+def test_a_recording_that_no_car_fits_is_refused(monkeypatch: pytest.MonkeyPatch) -> None:
+    """A fit that has left all cars was diagnosed, and its intervals were drawn for ever."""
+    one = case("null/bump~baja", 3, 0)
+
+    def diverged(*given: Any) -> AssessedModel:
+        found = assess(*given)
+        nothing = np.full_like(found.evidence.by_scale, -np.inf)
+        return replace(found, evidence=replace(found.evidence, by_scale=nothing))
+
+    monkeypatch.setattr("bayes_asv.diagnosis.workflow.assess", diverged)
+    with pytest.raises(InputError, match="the fit of the half car diverges") as refused:
+        diagnose(one.recordings[:1], one.holdout, one.vehicle, 1)
+    assert refused.value.where == one.recordings[0].source
 
 
 def test_a_hidden_effect_is_named_and_the_simulation_error_falls() -> None:
