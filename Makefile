@@ -55,7 +55,7 @@ contract:
 	$(BIN)/lint-imports
 
 unit:
-	OPENBLAS_NUM_THREADS=1 $(BIN)/pytest -n 2 --dist worksteal
+	OPENBLAS_NUM_THREADS=1 $(BIN)/pytest -n 2 --dist worksteal --durations 30
 
 attack: $(VENV)/.tested ## attack every reader and command: ATTACK="--inputs 100000 --minutes 30"
 	OPENBLAS_NUM_THREADS=1 $(BIN)/python -m benchmarks.attack $(ATTACK)
