@@ -33,6 +33,7 @@ from numpy.typing import NDArray
 from scipy.stats import chi2, norm
 from scipy.stats import t as student
 
+from bayes_asv.domain.errors import InputError
 from bayes_asv.models.modes import half_width
 from bayes_asv.posterior.fitted_model import FittedModel
 from bayes_asv.posterior.parameters import ParameterSpace
@@ -43,6 +44,7 @@ Array = NDArray[np.float64]
 
 # Significance level (familywise, over all bands) of power beyond the declared noise.
 _SIGNIFICANCE = 0.01
+_ROUNDS = 200  # rounds of draws: less than one in 200 within the prior's support is no distribution
 
 
 class _Band(NamedTuple):
@@ -119,15 +121,27 @@ def draw_cars(
         Number of draws.
     rng : numpy.random.Generator
         Random number generator.
+
+    Raises
+    ------
+    InputError
+        If hardly any draw is within the prior's support.
     """
     kept: list[Array] = []
-    while sum(map(len, kept)) < count:
+    for _ in range(_ROUNDS):
         z = rng.multivariate_normal(mean, covariance, count, method="eigh")
         heavy = space.heavy_tailed
         step = z[:, heavy] - mean[heavy]
         z[:, heavy] = np.arcsinh(np.sinh(mean[heavy]) + np.cosh(mean[heavy]) * step)
         kept.append(z[np.isfinite(space.log_prior(z))])
-    return np.concatenate(kept)[:count]
+        if sum(map(len, kept)) >= count:
+            return np.concatenate(kept)[:count]
+    raise InputError(
+        space.recordings[0].source,
+        f"the fitted {space.car.name} car may err by more than any car allows, so that no interval "
+        "can be drawn",
+        "check channels, signs, units and clocks, and the values in the vehicle file",
+    )
 
 
 def _split_into_bands(fit: FittedModel) -> list[_Band]:

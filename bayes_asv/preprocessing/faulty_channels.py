@@ -153,13 +153,17 @@ def _stated_level(sensor: Sensor) -> float:
     return float(np.hypot(sensor.noise or 0.0, (sensor.resolution or 0.0) / np.sqrt(12.0)))
 
 
-def noisy_channels(recording: Recording, vehicle: Vehicle, car: CarModel) -> list[str]:
-    """Report channels that are far noisier than declared, see :func:`noise_ratios`."""
-    return [
+def _noise_sentence(recording: Recording, vehicle: Vehicle, name: str, ratio: float) -> str:
+    return (
         f"the {vehicle.channel(name).words} sensor of {Path(recording.source).name} is {ratio:.0f} "
         "times as noisy as the vehicle file says; check sensor, plug, cable and mount"
-        for name, ratio in noise_ratios(recording, vehicle, car).items()
-    ]
+    )
+
+
+def noisy_channels(recording: Recording, vehicle: Vehicle, car: CarModel) -> list[str]:
+    """Report channels that are far noisier than declared, see :func:`noise_ratios`."""
+    ratios = noise_ratios(recording, vehicle, car)
+    return [_noise_sentence(recording, vehicle, name, ratio) for name, ratio in ratios.items()]
 
 
 def with_measured_noise(
@@ -177,7 +181,7 @@ def with_measured_noise(
     Vehicle, list of str
         The vehicle with the largest noise of each sensor, and one message for each noisy channel.
     """
-    sensors, words = dict(vehicle.sensors), []
+    sensors, messages = dict(vehicle.sensors), []
     for recording in recordings:
         for name, ratio in noise_ratios(recording, vehicle, car).items():
             sensor = vehicle.sensor(name)
@@ -185,8 +189,8 @@ def with_measured_noise(
             # the converter adds the same errors to more noise
             level = float(np.sqrt((ratio * _stated_level(sensor)) ** 2 - step**2))
             sensors[name] = replace(sensors[name], noise=max(level, sensors[name].noise or 0.0))
-        words += noisy_channels(recording, vehicle, car)
-    return replace(vehicle, sensors=sensors), words
+            messages.append(_noise_sentence(recording, vehicle, name, ratio))
+    return replace(vehicle, sensors=sensors), messages
 
 
 def _copies(values: Array, channels: Sequence[Channel]) -> list[tuple[int, int]]:

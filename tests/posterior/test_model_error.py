@@ -11,6 +11,7 @@ import numpy as np
 import pytest
 from scipy.stats import t as student
 
+from bayes_asv.domain.errors import InputError
 from bayes_asv.domain.recording import Recording
 from bayes_asv.domain.vehicle import Vehicle
 from bayes_asv.posterior.fitted_model import FittedModel, fit_linear_car, make_dataset
@@ -75,6 +76,15 @@ def test_it_is_a_covariance_however_alike_coordinates_are() -> None:
     assert not known.diverged
     means[0] *= 1e6
     assert known.diverged
+
+
+def test_an_error_beyond_all_cars_is_not_drawn_for_ever() -> None:
+    recording, given, _ = driven(0, 0.0)
+    fit, rng = _fit([recording], given), np.random.default_rng(0)
+    wide = 1e12 * np.eye(fit.space.dimension)
+    with pytest.raises(InputError, match="err by more than any car allows"):
+        draw_cars(fit.space, fit.mode.z, wide, 100, rng)
+    assert len(draw_cars(fit.space, fit.mode.z, fit.mode.covariance, 100, rng)) == 100
 
 
 @pytest.mark.parametrize("information", [(40.0, 40.0), (90.0, 20.0, 10.0), (5.0,) * 12])
