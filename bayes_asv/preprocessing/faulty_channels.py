@@ -189,7 +189,8 @@ def with_measured_noise(
             # the converter adds the same errors to more noise
             level = float(np.sqrt((ratio * _stated_level(sensor)) ** 2 - step**2))
             sensors[name] = replace(sensors[name], noise=max(level, sensors[name].noise or 0.0))
-            messages.append(_noise_sentence(recording, vehicle, name, ratio))
+            sentence = _noise_sentence(recording, vehicle, name, ratio)
+            messages.append(f"{sentence}; the noise that it shows is used here")
     return replace(vehicle, sensors=sensors), messages
 
 

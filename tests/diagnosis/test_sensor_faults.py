@@ -63,5 +63,7 @@ def test_a_noisy_sensor_is_no_effect_of_the_car(name: str) -> None:
     found = diagnose([replace(recording, values=values, units=("m/s^2",) * 4)], [], car)
     assert (found.verdict, found.named) == ("agreement", ())
     words = f"the {name.replace('_', ' ')} sensor of bump-6.csv is"
-    assert [w for w in found.warnings if w.startswith(words) and "times as noisy" in w]
+    (warning,) = (w for w in found.warnings if w.startswith(words))
+    assert "times as noisy as the vehicle file says" in warning
+    assert warning.endswith("the noise that it shows is used here")
     assert found.vehicle is car
