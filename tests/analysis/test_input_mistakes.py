@@ -198,16 +198,7 @@ def test_what_undoes_a_mistake_does_not_depend_on_the_units_of_the_columns() -> 
     si = replace(counted, values=accelerations(counted, car), units=("m/s^2",) * 4)
     size = np.array([[1.0], [9.80665], [0.0254], [1.0]])
     mixed = replace(si, values=si.values / size, units=("m/s^2", "g", "in/s^2", "m/s^2"))
-    model = car_model("half", car)
-    ways = [hypotheses_of_recording(one, car, model) for one in (si, mixed)]
-    changed = 0
-    for one, other in zip(*ways, strict=True):
-        for by in one.sizes or (0.0,):
-            found = [h.undo(r, car, by) for h, r in ((one, si), (other, mixed))]
-            plain, converted = (accelerations(*corrected) for corrected in found)
-            np.testing.assert_allclose(converted, plain, atol=1e-9, err_msg=str(one.words(1.0)))
-            changed += not np.allclose(plain, si.values)
-    assert changed > 50
+    _assert_undone_alike(si, mixed, car)
 
 
 def test_mistakes_of_other_sensors_are_undone_in_their_own_units() -> None:
@@ -219,15 +210,20 @@ def test_mistakes_of_other_sensors_are_undone_in_their_own_units() -> None:
     si = replace(si, units=("m/s^2", "m/s^2", "m", "m/s^2", "rad/s"))
     size = np.array([[9.80665], [1.0], [1e-3], [9.80665], [np.pi / 180.0]])
     mixed = replace(si, values=si.values / size, units=("g", "m/s^2", "mm", "g", "deg/s"))
-    model = car_model("half", given)
-    ways = [hypotheses_of_recording(one, given, model) for one in (si, mixed)]
+    _assert_undone_alike(si, mixed, given)
+
+
+def _assert_undone_alike(si: Recording, mixed: Recording, car: Vehicle) -> None:
+    """Undo every mistake in both columns of SI units and those of other units."""
+    model = car_model("half", car)
+    ways = [hypotheses_of_recording(one, car, model) for one in (si, mixed)]
     changed = 0
     for one, other in zip(*ways, strict=True):
         for by in one.sizes or (0.0,):
-            found = [h.undo(r, given, by) for h, r in ((one, si), (other, mixed))]
+            found = [h.undo(r, car, by) for h, r in ((one, si), (other, mixed))]
             plain, converted = (accelerations(*corrected) for corrected in found)
             np.testing.assert_allclose(converted, plain, atol=1e-9, err_msg=str(one.words(by)))
-            noise, other_noise = ([car.sensor(n).noise for n in channels] for _, car in found)
+            noise, other_noise = ([v.sensor(n).noise for n in si.channels] for _, v in found)
             assert noise == pytest.approx(other_noise)
             changed += not np.allclose(plain, si.values)
     assert changed > 50
