@@ -272,7 +272,10 @@ def diagnosis_steps(document: DiagnoseDocument) -> list[str]:
     if document.gap.fit is not None and document.gap.holdout is None:
         steps.append("Record a drive over another road and give it as --holdout, as a validation.")
     if document.verdict == "agreement":
-        steps.append("Nothing needs to be added. A weaker effect needs a harder or longer drive.")
+        steps.append(
+            "Nothing needs to be added to the model. "
+            "A weaker effect needs a harder or longer drive."
+        )
     return steps or [
         "Repeat the drive: chance does not repeat, and a fault shows more clearly in a longer or "
         "harder drive.",
