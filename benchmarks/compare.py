@@ -20,7 +20,6 @@ from __future__ import annotations
 import argparse
 import json
 import math
-import subprocess
 import sys
 from collections.abc import Sequence
 from dataclasses import replace
@@ -45,6 +44,7 @@ from bayes_asv.domain.recording import Recording
 from bayes_asv.domain.vehicle import Vehicle
 from bayes_asv.library.progress import progress_bar
 from bayes_asv.preprocessing.run_preparation import prepare_runs
+from benchmarks.provenance import current_commit
 from tests.posterior.cases import DECLARED, as_recording, vehicle
 from tests.rig import (
     DEFAULT_SPEEDS,
@@ -65,7 +65,6 @@ SIZES = (0.03, 0.05, 0.1, 0.2, 0.3)
 TERRAIN_NAMES = ("bump", "stops", "rough")
 NOISY = 10.0
 BINS = 10
-_SOURCES = ("bayes_asv/analysis", "bayes_asv/posterior", "benchmarks/compare.py", "tests/rig")
 
 Array = NDArray[np.float64]
 Row = dict[str, Any]
@@ -251,12 +250,8 @@ def _between(change: Array, low: float, high: float) -> NDArray[np.bool_]:
 
 
 def about(seed: int) -> Row:
-    """Seed and commit of what the answers depend on."""
-    commit = subprocess.run(
-        ["git", "log", "-1", "--format=%h", "--", *_SOURCES],
-        capture_output=True, text=True, check=False, cwd=Path(__file__).parents[1],
-    ).stdout.strip()  # fmt: skip
-    return {"commit": commit, "version": asv.__version__, "seed": seed}
+    """Seed, version and commit that the figures belong to."""
+    return {"commit": current_commit(), "version": asv.__version__, "seed": seed}
 
 
 def main() -> int:
