@@ -1,4 +1,4 @@
-"""Whether the 95 % intervals hold the truth of cars with a little of everything.
+"""Whether the 95 % intervals hold the truth of cars that the model simplifies.
 
 A real car is not quite the half car.  Each car here has friction, a knee and unequal sides in its
 dampers, an elastic mount behind each, springs that stiffen, a motion ratio that changes with
