@@ -5,6 +5,10 @@ BIN    := $(VENV)/bin
 OUT    ?= out
 PEERS  := emcee scipy filterpy pints numpyro blackjax
 
+# Python keeps what it compiles, also where the surroundings forbid it: without that, every command
+# that starts compiles its libraries again, which takes longer than an estimate.
+export PYTHONDONTWRITEBYTECODE :=
+
 .DEFAULT_GOAL := help
 .PHONY: help demo test docs check format lint types contract unit attack bench recordings samples lock clean
 
