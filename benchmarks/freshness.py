@@ -110,7 +110,7 @@ RESULTS = {
         "broken_channels.json", 40, ("benchmarks.broken_channels --quick --cases 200",)
     ),
     "calibration": Result(
-        "calibration", 150, ("benchmarks.calibration --runs 60", "benchmarks.calibration --report")
+        "calibration", 60, ("benchmarks.calibration", "benchmarks.calibration --report")
     ),
     "change points": Result("change_points.json", 5, ("benchmarks.change_points",)),
     "clocks": Result("clocks.json", 30, ("benchmarks.clocks",)),

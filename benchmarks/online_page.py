@@ -54,13 +54,10 @@ def page(results: Row) -> str:
 
 
 def _figures(results: Row) -> dict[str, str]:
-    coverage, fifty = results["coverage"], results["coverage"]["nees_of_50"]
-    low, high = fifty["band95"]
-    watches = results["alarms"]
+    coverage, watches = results["coverage"], results["alarms"]
     return {
         "SEED": str(coverage["seed"]),
         "COVERAGE": _coverage(coverage),
-        "NEES": f"{fifty['mean']:.2f} (95 % band of a correct filter: {low:.2f} to {high:.2f})",
         "WHITE": _white(results["white"]["all"]),
         "AGAINST": _comparison(results["estimate"]),
         "SPEED": _speed(results["speed"]),
@@ -77,10 +74,8 @@ def _figures(results: Row) -> dict[str, str]:
 
 def _commits(results: Row) -> str:
     """List the commits of the parts, which are computed one by one."""
-    parts: dict[str, list[str]] = {}
-    for name, part in results.items():
-        parts.setdefault(part["about"]["commit"], []).append(name)
-    return "; ".join(f"{commit} ({', '.join(names)})" for commit, names in parts.items())
+    names = dict.fromkeys(part["about"]["commit"] for part in results.values())
+    return f"commit{'s' * (len(names) > 1)} {', '.join(names)}"
 
 
 def _table(head: list[str], rows: list[list[str]]) -> str:

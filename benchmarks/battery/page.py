@@ -29,6 +29,7 @@ from benchmarks.battery.tables import (
     summary_row,
 )
 from benchmarks.calibration.tables import table
+from benchmarks.freshness import RESULTS
 
 __all__ = ["LEFT_OUT", "judged", "write_page"]
 
@@ -123,8 +124,8 @@ def _tables(cases: Sequence[Judged]) -> list[str]:
          "cent; the width is the relative standard deviation of the widest of the three, "
          "median.\n\n",
          coverage_table),
-        ("Intervals of effects' parameters", "95 % intervals that hold the true value, of effects "
-         "that are named at their place; the lowest first.\n\n", effects_coverage_table),
+        ("Intervals of effects' parameters", "95 % intervals that contain the true value, of "
+         "effects that are named at their place; the lowest first.\n\n", effects_coverage_table),
     )  # fmt: skip
     parts = []
     for title, words, made in there:
@@ -180,9 +181,9 @@ def _fleet(cases: Sequence[Judged]) -> str:
 def _summary_head(results: Mapping[Key, Result]) -> str:
     """Return the heading of the summary, with a warning if it mixes several commits."""
     head = (
-        "## Summary\n\nThe figures belong to the commits named on this page; later versions were "
-        "not run. [Limitations](#limitations) lists the cells that were not run, the hardest "
-        "ones among them.\n\n"
+        "## Summary\n\nThe figures belong to the commits named on this page; [Evidence]"
+        "(evidence.md) says whether the code has changed since. [Limitations](#limitations) says "
+        "what was not run.\n\n"
     )
     commits: dict[str, list[str]] = {}
     for (name, _), result in results.items():
@@ -224,7 +225,9 @@ def _missing(cases: Sequence[Judged]) -> str:
         return ""
     missing = sum(cell.runs - there.get(cell.name, 0) for cell in short)
     whole = sum(cell.runs for cell in CELLS)
-    text = f"- {missing} of the {whole} cases of the full battery were not run.\n"
+    text = f"- {missing} of the {whole} cases of the full battery were not run"
+    some = sum(there.get(cell.name, 0) > 0 for cell in short)
+    text += f"; {some} of its {len(CELLS)} cells have fewer cases than planned.\n"
     absent = [
         group.title[0].lower() + group.title[1:]
         for group in GROUPS
@@ -247,16 +250,12 @@ def _origin(results: Mapping[Key, Result], sealed: Mapping[Key, Answer]) -> str:
     seals = dict.fromkeys((a.seal, a.sealed) for k, a in sealed.items() if k in results)
     lines += [f"- answers `{seal}`, sealed {when}" for seal, when in seals]
     lines.append(f"- first diagnosis {min(result.begun for result in results.values())}")
-    seeds = sorted({one.seed for one in about})
-    again = "".join(
-        f"python -m benchmarks.battery --seed {seed} {words}\n"
-        for seed in seeds
-        for words in ("       # hours; resumes where it was stopped", "--report  # this page")
-    )
+    again = "".join(f"python -m {words}\n" for words in RESULTS["battery"].commands)
     return (
         "## Reproduce\n\n```sh\n" + again
         + "python -m benchmarks.battery.peek --set dev  # last results of the development set\n"
-        + "```\n\n`--list` lists the cells, `--cells null bound_rebound --runs 2 --out FOLDER` "
-        "runs some of them, `--ablation NAME` omits a part of the diagnosis.\n\n"
+        + "```\n\nIt takes hours, and goes on where it was stopped. `--list` lists the cells, "
+        "`--cells null bound_rebound --runs 2 --out FOLDER` runs some of them, `--ablation NAME` "
+        "omits a part of the diagnosis.\n\n"
         + "\n".join(lines) + "\n" + SOURCES
     )  # fmt: skip

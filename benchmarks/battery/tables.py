@@ -277,7 +277,7 @@ def effects_coverage_table(cases: Sequence[Judged]) -> str:
     every = [x for of in found.values() for own in of.values() for x in own]
     if every:
         rows.append(["all", percent(count_true(every)), f"{sum(every)} of {len(every)}"])
-    return table(["effect", "intervals that hold, %", "by parameter"], rows)
+    return table(["effect", "intervals that contain the truth, %", "by parameter"], rows)
 
 
 def _held(found: Mapping[str, Sequence[bool]]) -> float:

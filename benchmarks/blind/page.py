@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import itertools
 import math
 from collections.abc import Callable, Mapping, Sequence
 from pathlib import Path
@@ -23,6 +24,8 @@ __all__ = ["write_page"]
 
 ABOVE = 1.1
 """A held-out error that exceeds its floor by this factor can be said to close."""
+PROBABILITIES = (0.0, 0.3, 0.65, 0.9, 0.99, 1.0)
+"""Bounds of the table of probabilities."""
 INTRODUCTION = Path(__file__).parent / "page.md.in"
 
 
@@ -44,9 +47,11 @@ def write_page(folder: Path, docs: Path) -> None:
     introduction = INTRODUCTION.read_text("utf-8")
     parts = [introduction + "\n" + _origin(results), "## Summary\n\n" + _summary(cases)]
     parts += ["## By cell\n\nIn per cent.\n\n" + _by_cell(cases)]
-    parts += ["## Intervals of effects' parameters\n\n95 % intervals that overlap what may rightly "
-              "be said, of effects that are named at their place.\n\n"
+    parts += ["## Intervals of effects' parameters\n\n95 % intervals that overlap the values that "
+              "may rightly be reported, of effects that are named at their place.\n\n"
               + effects_coverage_table(cases)]  # fmt: skip
+    parts += ["## Probabilities\n\nAll names, by the probability that is printed with them; true "
+              "ones in per cent.\n\n" + _reliability(cases)]  # fmt: skip
     write_atomically(str(docs / "blind.md"), "\n".join(parts).encode("utf-8"))
 
 
@@ -70,19 +75,21 @@ def _summary(cases: Sequence[Judged]) -> str:
         _between("false alarms: no fault", 0.03, 0.07, [c.verdict != "agreement" for c in null]),
         _least("one listed effect: class of the first name right", 0.95,
                [c.class_right for c in single]),
-        _most("the same: confidently wrong", 0.02, [c.confidently_wrong for c in single]),
+        _most("one listed effect: confidently wrong", 0.02, [c.confidently_wrong for c in single]),
         _least("two listed effects: both found", 0.85, [all(c.found) for c in pair]),
         _least("outside the list: said that something is unexplained", 0.95,
                [c.flagged for c in outside]),
         _most("outside the list: confidently misnamed", 0.02,
               [c.confidently_wrong for c in outside]),
         _closed(outside),
-        _least("intervals of effects' parameters that hold", 0.9,
+        _least("intervals of effects' parameters that contain the truth", 0.9,
                [held for c in cases for _, _, held in c.effects_covered]),
     ]  # fmt: skip
     for name in PARAMETERS:
         held = [c.covered_after[name] for c in cases if name in c.covered_after]
-        figures.append(_least(f"95 % intervals of {name} that hold, all cases", 0.93, held))
+        figures.append(
+            _least(f"95 % intervals of {name} that contain the truth, all cases", 0.93, held)
+        )
     claims = [pair for one in cases for pair in one.probabilities]
     if claims:
         error, chance = calibration_error(claims)
@@ -125,7 +132,9 @@ def _figure(
     what: str, asked: str, truths: Sequence[bool], short: Callable[[float], float]
 ) -> Figure:
     share = count_true(truths)
-    return Figure(what, asked, percent(share) + " %", share.of, short(share.share))
+    low, high = share.interval
+    words = f"{100 * share.share:.1f} ({100 * low:.1f}–{100 * high:.1f}) %"
+    return Figure(what, asked, words, share.of, short(share.share))
 
 
 def _least(what: str, asked: float, truths: Sequence[bool]) -> Figure:
@@ -167,6 +176,27 @@ def _by_cell(cases: Sequence[Judged]) -> str:
     head = ["cell", "cases", "right", "all found", "unexplained", "confidently wrong",
             *PARAMETERS, "said first"]  # fmt: skip
     return table(head, [row for _, row in sorted(rows, key=lambda one: one[0])])
+
+
+def _reliability(cases: Sequence[Judged]) -> str:
+    """Tabulate how often names of a probability are true, with and without a remainder."""
+    rows = []
+    for low, high in itertools.pairwise(PROBABILITIES):
+        row = [f"{low:g} to {high:g}"]
+        for flagged in (False, True):
+            claims = [
+                (stated, true)
+                for one in cases
+                if one.flagged == flagged
+                for stated, true in one.probabilities
+                if low <= stated < high or stated == high == 1.0
+            ]
+            mean = f"{np.mean([stated for stated, _ in claims]):.3f}" if claims else ""
+            row += [str(len(claims)), mean, percent(count_true([bool(true) for _, true in claims]))]
+        rows.append(row)
+    head = ["probability", "names, nothing unexplained", "mean", "true",
+            "names beside something unexplained", "mean", "true"]  # fmt: skip
+    return table(head, rows)
 
 
 def _right(cell: str, own: Sequence[Judged]) -> Share:

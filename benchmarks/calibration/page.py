@@ -41,6 +41,7 @@ from benchmarks.calibration.tables import (
     model_table,
     verdict_table,
 )
+from benchmarks.freshness import RESULTS
 
 __all__ = ["write_page"]
 
@@ -89,11 +90,10 @@ def _rig_parts(found: dict[str, Summary], results: dict[str, Results], beside: P
         return []
     held = verdicts(found)
     settled = [v for v in held if v.settled]
-    words = (
-        f"{sum(v.met for v in settled)} of the {len(settled)} criteria with enough runs are met."
-    )
+    met = sum(v.met for v in settled)
+    words = f"{met} of the {len(settled)} criteria that can be judged are met."
     if len(settled) < len(held):
-        words += f" {len(held) - len(settled)} further criteria have too few runs for a verdict."
+        words += f" {len(held) - len(settled)} others have too few runs for a verdict."
     parts = [f"## Summary\n\n{_age(results)}\n\n{words}\n\n" + verdict_table(held)]
     pictures.save(pictures.coverage_picture(found, 0.95), beside / "coverage.png")
     parts.append("![Coverage of 95 % intervals by condition, terrain and quantity]"
@@ -207,8 +207,8 @@ def _age(results: dict[str, Results]) -> str:
     about = dict.fromkeys(one for there in results.values() for one in there.about)
     versions = " and ".join(f"commit {one.commit} (seed {one.seed})" for one in about)
     return (
-        f"The figures on this page belong to {versions}. Later versions were not run through this "
-        "benchmark."
+        f"The figures on this page belong to {versions}; [Evidence](evidence.md) says whether the "
+        "code has changed since."
     )
 
 
@@ -218,8 +218,9 @@ def _origin(results: dict[str, Results]) -> str:
         f"- seed {one.seed}, commit {one.commit}, {one.versions}" for one in about
     ]  # several lines if cells were repeated later
     return (
-        "## Reproduce\n\n```sh\npython -m benchmarks.calibration            # hours; resumes "
-        "where it was stopped\npython -m benchmarks.calibration --report   # this page\n```\n\n"
+        "## Reproduce\n\n```sh\n"
+        + "".join(f"python -m {words}\n" for words in RESULTS["calibration"].commands)
+        + "```\n\nIt goes on where it was stopped. "
         "`--list` lists the cells, `--cells engine --runs 100 --out FOLDER` runs some of them. "
         "The same seed draws the same runs.\n\n" + "\n".join(lines) + "\n" + SOURCES
     )

@@ -131,9 +131,11 @@ def model_table(cell: Cell, results: Results) -> str:
     rows = []
     for name, x in there.items():
         p = departure(x)
-        uniform = "yes" if p >= 0.05 / len(there) else "**no**"
-        rows.append([name, percent(coverage(x, 0.95)), f"{p:.3f}", uniform])
-    return table([cell.group.title.lower(), "coverage of 95 % intervals, %", "p", "uniform"], rows)
+        rejected = "**yes**" if p < 0.05 / len(there) else "no"
+        rows.append([name, percent(coverage(x, 0.95)), f"{p:.3f}", rejected])
+    head = [cell.group.title.lower(), "coverage of 95 % intervals, %", "p of uniformity",
+            f"rejected (5 %, Bonferroni over {len(there)})"]  # fmt: skip
+    return table(head, rows)
 
 
 def csv(found: Mapping[str, Summary]) -> str:
