@@ -146,7 +146,8 @@ RESULTS = {
         60,
         (
             "benchmarks.mistaken_inputs.cases {scratch}/cases --seed 26",
-            "benchmarks.mistaken_inputs.score {scratch}/cases",
+            "benchmarks.mistaken_inputs.score {scratch}/cases"
+            " --out benchmarks/results/mistaken_inputs.json",
         ),
     ),
 }

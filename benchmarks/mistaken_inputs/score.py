@@ -10,7 +10,6 @@ from __future__ import annotations
 import argparse
 import json
 import os
-from collections import Counter
 from concurrent.futures import ProcessPoolExecutor
 from functools import partial
 from multiprocessing import Queue
@@ -21,6 +20,7 @@ import numpy as np
 
 from bayes_asv.analysis.input_mistakes import check_input
 from bayes_asv.domain.errors import InputError
+from bayes_asv.domain.files import write_atomically
 from bayes_asv.domain.vehicle import read_vehicle
 from bayes_asv.estimation import estimate
 from bayes_asv.io import read_recording
@@ -28,6 +28,8 @@ from bayes_asv.preprocessing.resampling import at_own_rate
 from bayes_asv.preprocessing.run_preparation import prepare_runs
 from benchmarks.provenance import current_commit
 
+RIGHT = "right input"
+"""Key of the cases without a mistake."""
 _CERTAIN = 0.95  # probability of a deviation from nominal that a reader takes for a verdict
 
 
@@ -97,7 +99,8 @@ def main() -> None:
     parser.add_argument("--out", type=Path)
     parser.add_argument("--every", type=int, default=1)
     options = parser.parse_args()
-    truth = json.loads((options.cases / "truth.json").read_text())["cases"]
+    whole = json.loads((options.cases / "truth.json").read_text())
+    truth = whole["cases"]
     names = list(truth)[:: options.every]
     rows = []
     processors = sorted(os.sched_getaffinity(0))
@@ -119,16 +122,30 @@ def main() -> None:
                 wrong = "CONFIDENT " if said["confident"] else ""
                 where = f"{said['case']} {kind} {case['car']} {case['terrain']}"
                 print(f"{where} {said['status']} {wrong}{said['text'][:400]}", flush=True)
-    kinds = Counter(row["kind"] for row in rows)
-    for kind in sorted(kinds, key=str):
-        mine = [row for row in rows if row["kind"] == kind]
-        caught = sum(row["doubt"] or row["status"] != "ok" for row in mine)
-        print(f"{kind}: {len(mine)}, caught {caught}, named {sum(r['named'] for r in mine)}, "
-              f"confidently wrong {sum(r['confident'] for r in mine)}")  # fmt: skip
+    kinds = {
+        kind: _counts([row for row in rows if (row["kind"] or RIGHT) == kind])
+        for kind in sorted({row["kind"] or RIGHT for row in rows})
+    }
+    for kind, counts in kinds.items():
+        print(f"{kind}: {counts}")
     if options.out:
-        commit = current_commit()
-        summary = {"commit": commit, "cases": len(rows), "rows": rows}
-        options.out.write_text(json.dumps(summary, indent=1) + "\n", encoding="utf-8")
+        summary = {
+            "commit": current_commit(),
+            "seed": whole["seed"],
+            "every": options.every,
+            "kinds": kinds,
+            "mistaken": _counts([row for row in rows if row["kind"] is not None]),
+        }
+        write_atomically(str(options.out), (json.dumps(summary, indent=1) + "\n").encode())
+
+
+def _counts(rows: list[dict[str, Any]]) -> dict[str, int]:
+    return {
+        "cases": len(rows),
+        "caught": sum(row["doubt"] or row["status"] != "ok" for row in rows),
+        "named": sum(row["named"] for row in rows),
+        "confidently_wrong": sum(row["confident"] for row in rows),
+    }
 
 
 if __name__ == "__main__":
