@@ -31,6 +31,7 @@ from bayes_asv.analysis.run_consistency import (
 from bayes_asv.analysis.spring_curves import spring_curves
 from bayes_asv.analysis.uncertainty_budget import find_budget
 from bayes_asv.domain.clocks import Clock, check_clocks, clock_of_group, declared_clocks
+from bayes_asv.domain.errors import FitError
 from bayes_asv.domain.progress import Progress
 from bayes_asv.domain.recording import Recording
 from bayes_asv.domain.vehicle import Vehicle
@@ -196,9 +197,19 @@ def _estimate_runs(
 ) -> EstimationResult:
     """Estimate from recordings that are used whole."""
     start_time = time.perf_counter()
-    model = car_model(car, vehicle)
     clocks, placed_effects = _split_clocks(recordings, vehicle, placed_effects)
+    model = car_model(car, vehicle)
     task = _Task(recordings, vehicle, model, likelihood, below, seed, placed_effects, progress)
+    try:
+        result = _estimate_task(task, clocks)
+    except FitError as error:
+        result = _refused(task, (error.reason,))
+    task.report(1.0, "done")
+    return replace(result, seconds=time.perf_counter() - start_time)
+
+
+def _estimate_task(task: _Task, clocks: tuple[Clock, ...]) -> EstimationResult:
+    """Estimate, or raise FitError where no car can be fitted to the recordings."""
     with ThreadPoolExecutor(1) as executor:
         # the sampler takes a while to load, while compiled code computes the fit
         loading = executor.submit(importlib.import_module, "bayes_asv.posterior.sampler")
@@ -207,7 +218,7 @@ def _estimate_runs(
     if fit.run_consistency is not None and fit.map_fit is None and not fit.reasons:
         task.report(0.9, "the runs do not agree")
         result = _estimate_random_effects(
-            fit.run_consistency, recordings, vehicle, fit.warnings, seed, sampler
+            fit.run_consistency, task.recordings, task.vehicle, fit.warnings, task.seed, sampler
         )
     elif fit.reasons or fit.map_fit is None:
         mistakes = (
@@ -215,14 +226,21 @@ def _estimate_runs(
             if fit.input_check is not None and fit.input_check.mistakes
             else ()
         )
-        result = EstimationResult(
-            "refused", (*mistakes, *fit.reasons), fit.warnings, vehicle, model, tuple(recordings),
-            likelihood, seed, 0.0, run_consistency=fit.run_consistency, below=below,
-        )  # fmt: skip
+        result = replace(
+            _refused(task, (*mistakes, *fit.reasons)),
+            warnings=fit.warnings,
+            run_consistency=fit.run_consistency,
+        )
     else:
         result = _sample(task, fit, fit.map_fit, sampler)
-    task.report(1.0, "done")
-    return replace(result, input_check=fit.input_check, seconds=time.perf_counter() - start_time)
+    return replace(result, input_check=fit.input_check)
+
+
+def _refused(task: _Task, reasons: tuple[str, ...]) -> EstimationResult:
+    return EstimationResult(
+        "refused", reasons, (), task.vehicle, task.car, tuple(task.recordings), task.likelihood,
+        task.seed, 0.0, below=task.below,
+    )  # fmt: skip
 
 
 def _fit_runs(task: _Task, clocks: tuple[Clock, ...]) -> _ModeAndChecks:

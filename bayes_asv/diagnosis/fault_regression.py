@@ -60,6 +60,8 @@ _ROUNDS = 2  # iterations between the changes and the motion
 # the constants and of the evidence (nats).
 _TRIALS, _TOLERANCE, _GAIN = 40, 0.01, 0.1
 _STARTS = 2  # starting points of that search
+# Logarithm by which the constants may go beyond those of the forms: a hundredfold.
+_BEYOND = math.log(100.0)
 # Step of a scan over a frequency, in its logarithm: the width of a resonance with 3 % damping.
 _SCAN_STEP = 0.06
 # Prior standard deviations that are tried, in unit sizes: a hundredth of the damper's force or of a
@@ -332,9 +334,11 @@ def _optimise_constants(
         others = [term for term in scores.terms if term.fault != kind]
         one = _SingleForm(at, forms[0], at.along(others) if others else None, kinds)
         starts = sorted(_scan(forms), key=one.loss)[:_STARTS]
+        logs = np.log([term.form for term in forms])
+        bounds = list(zip(logs.min(axis=0) - _BEYOND, logs.max(axis=0) + _BEYOND, strict=True))
         fits = [
             minimize(
-                one.loss, start, method="Nelder-Mead",
+                one.loss, start, method="Nelder-Mead", bounds=bounds,
                 options={
                     "maxfev": _TRIALS, "xatol": _TOLERANCE, "fatol": _GAIN,
                     "initial_simplex": _simplex(start),

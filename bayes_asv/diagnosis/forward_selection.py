@@ -46,6 +46,7 @@ from bayes_asv.diagnosis.thresholds import (
 )
 from bayes_asv.diagnosis.tolerance_prior import ModelEvidence
 from bayes_asv.diagnosis.unlisted_faults import best_unlisted_explanation
+from bayes_asv.domain.errors import FitError
 from bayes_asv.domain.progress import Progress
 from bayes_asv.posterior.effect_fit import Candidate, fit_with_effect
 from bayes_asv.posterior.fitted_model import Dataset, FittedModel, fit_again, fit_model
@@ -338,10 +339,15 @@ def select_effects(
         if not (accepted or on_trial):
             break
         before, new = current, best.model.placed_effects[len(assessed.model.placed_effects) :]
+        try:
+            extended = assess(assessed.dataset, best.model, seed)
+        except FitError:  # the fit to recordings as read diverges
+            excluded = {*excluded, *map(str, new)}
+            continue
         effects = [NamedEffect(placed, min(probability, 1.0), tuple(others), {}) for placed in new]
         current = replace(
             current,
-            assessed=assess(assessed.dataset, best.model, seed),
+            assessed=extended,
             effects=(*current.effects, *effects),
         )
         if on_trial:

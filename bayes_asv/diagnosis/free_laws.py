@@ -24,6 +24,7 @@ from bayes_asv.diagnosis.results import NamedEffect
 from bayes_asv.diagnosis.simulation_error import compare_errors
 from bayes_asv.diagnosis.thresholds import DECISIVE_EVIDENCE, MAX_EFFECTS, SIGNIFICANCE_LEVEL
 from bayes_asv.diagnosis.unlisted_faults import FreeLaw, Part, free_laws
+from bayes_asv.domain.errors import FitError
 from bayes_asv.domain.progress import Progress
 from bayes_asv.models.effects import EFFECTS, PlacedEffect
 from bayes_asv.posterior.effect_fit import with_effects
@@ -92,9 +93,12 @@ def _select_with_laws(
         axles.remove(law.axle)
         progress(0.7, f"fitting free laws of the {law.axle} {part}")
         placed_effects = [PlacedEffect(EFFECTS[name], law.axle) for name in _LAWS[part]]
-        dataset, model = with_effects(current.dataset, placed_effects, current.model)
         named += [NamedEffect(placed, 1.0, (), {}) for placed in placed_effects]
-        current, named = prune(assess(dataset, model, seed), named, seed)
+        try:
+            dataset, model = with_effects(current.dataset, placed_effects, current.model)
+            current, named = prune(assess(dataset, model, seed), named, seed)
+        except FitError:
+            return None
         if not math.isfinite(current.evidence.log_evidence):
             return None  # the fit diverged
         if not _is_misspecified(current, seed):

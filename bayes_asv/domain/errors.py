@@ -7,7 +7,7 @@ from __future__ import annotations
 
 from collections.abc import Sequence
 
-__all__ = ["BayesAsvError", "InputError", "enumerated"]
+__all__ = ["BayesAsvError", "FitError", "InputError", "enumerated"]
 
 
 def enumerated(parts: Sequence[str], last: str = "and") -> str:
@@ -41,6 +41,18 @@ class InputError(BayesAsvError):
         self.fix = _one_line(fix)
         text = f"{self.where}: {self.what}"
         super().__init__(f"{text}; {self.fix}" if self.fix else text)
+
+
+class FitError(InputError):
+    """What was fitted to a recording is no car, so that nothing can be said about it.
+
+    Where a model is tried, it is given up; where none is left, the result is refused.
+    """
+
+    @property
+    def reason(self) -> str:
+        """The message as a result gives it."""
+        return f"{self.what} ({self.where}); {self.fix}"
 
 
 def _one_line(text: str) -> str:

@@ -175,8 +175,9 @@ def slopes(
         nu, logs = nu[:, has_reading], logs[:, has_reading]
         columns = free_of_runs[run]
         means, scales = (np.zeros((len(z), nu.shape[1])) for _ in range(2))
-        scales[columns] = (logs[1:] - logs[0]) / STEP
-        means[columns] = -((nu[1:] - nu[0]) / STEP + 0.5 * nu[0] * scales[columns])
+        with np.errstate(invalid="ignore", over="ignore"):  # where the filter diverged
+            scales[columns] = (logs[1:] - logs[0]) / STEP
+            means[columns] = -((nu[1:] - nu[0]) / STEP + 0.5 * nu[0] * scales[columns])
         parts.append((nu[0], logs[0], means, scales))
         if space.recordings[run].removed_band is not None:
             corrections = posterior.removed_band_correction(points[run], run)

@@ -10,7 +10,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from bayes_asv.domain.channels import Channel
-from bayes_asv.domain.errors import InputError
+from bayes_asv.domain.errors import FitError
 from bayes_asv.domain.vehicle import Vehicle
 from bayes_asv.models.effects import PlacedEffect
 from bayes_asv.posterior.denoised_inputs import denoise_and_predict, simulate_nominal_outputs
@@ -138,7 +138,7 @@ def update_corrections_at(dataset: Dataset, posterior: Posterior, z: Array) -> D
 
     Raises
     ------
-    InputError
+    FitError
         If the simulation diverges: these coordinates are of no car.
     """
 
@@ -164,9 +164,9 @@ def is_resolved(information: Array) -> NDArray[np.bool_]:
     return np.abs(information) < 1.0 / np.finfo(float).eps
 
 
-def divergence_error(recording: PreparedRecording) -> InputError:
+def divergence_error(recording: PreparedRecording) -> FitError:
     """Return the error of a recording to which no car can be fitted."""
-    return InputError(
+    return FitError(
         recording.source,
         f"the fit of the {recording.car.name} car diverges, so that it is no car at all",
         "check channels, signs, units and clocks, and the values in the vehicle file",

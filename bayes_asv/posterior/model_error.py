@@ -33,7 +33,7 @@ from numpy.typing import NDArray
 from scipy.stats import chi2, norm
 from scipy.stats import t as student
 
-from bayes_asv.domain.errors import InputError
+from bayes_asv.domain.errors import FitError
 from bayes_asv.models.modes import half_width
 from bayes_asv.posterior.fitted_model import FittedModel
 from bayes_asv.posterior.parameters import ParameterSpace
@@ -124,7 +124,7 @@ def draw_cars(
 
     Raises
     ------
-    InputError
+    FitError
         If hardly any draw is within the prior's support.
     """
     kept: list[Array] = []
@@ -136,7 +136,7 @@ def draw_cars(
         kept.append(z[np.isfinite(space.log_prior(z))])
         if sum(map(len, kept)) >= count:
             return np.concatenate(kept)[:count]
-    raise InputError(
+    raise FitError(
         space.recordings[0].source,
         f"the fitted {space.car.name} car may err by more than any car allows, so that no interval "
         "can be drawn",

@@ -484,6 +484,6 @@ def suggest_band(recording: PreparedRecording, left: Array, top: float) -> list[
                 f"the fitted {recording.car.name} car explains only {fitted} % of {names} below "
                 f"{top:.2g} Hz in {recording.source}, where a linear relation with the wheels "
                 f"explains {best} %: what is above drew the fit away; below {below} Hz the wheels "
-                f"explain {in_band} %: try --below {below}"
+                f"explain {in_band} %: try 'bayes-asv estimate --below {below}'"
             ]
     return []

@@ -34,7 +34,7 @@ its third. Progress is shown on a terminal only.
 |---|---|
 | 0 | done |
 | 2 | wrong usage or unreadable input: one line names the file, line or key, and the fix |
-| 3 | refused: the recordings are too short, saturated or not excited; the reasons are in the JSON |
+| 3 | refused: too short, saturated or not excited; `acquire`: incomplete; `plan`: none suffices |
 | 4 | not converged: the numbers are written, but are not to be relied on |
 | 5 | `watch` raised its alarm |
 | 6 | `compare`: the sessions differ in something else, or the model does not hold |

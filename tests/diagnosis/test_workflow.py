@@ -14,7 +14,6 @@ import pytest
 
 from bayes_asv.diagnosis.model_assessment import AssessedModel, assess
 from bayes_asv.diagnosis.workflow import DiagnosisResult, diagnose
-from bayes_asv.domain.errors import InputError
 from bayes_asv.report.documents.diagnose import diagnose_document
 from bayes_asv.report.sections.diagnosis import diagnosis_lines
 from benchmarks.battery.judge import Judged, judge
@@ -57,9 +56,11 @@ def test_a_recording_that_no_car_fits_is_refused(monkeypatch: pytest.MonkeyPatch
         return replace(found, evidence=replace(found.evidence, by_scale=nothing))
 
     monkeypatch.setattr("bayes_asv.diagnosis.workflow.assess", diverged)
-    with pytest.raises(InputError, match="the fit of the half car diverges") as refused:
-        diagnose(one.recordings[:1], one.holdout, one.vehicle, 1)
-    assert refused.value.where == one.recordings[0].source
+    refused = diagnose(one.recordings[:1], one.holdout, one.vehicle, 1)
+    assert refused.verdict == "refused"
+    (reason,) = refused.reasons
+    assert "the fit of the half car diverges" in reason
+    assert one.recordings[0].source in reason
 
 
 def test_a_hidden_effect_is_named_and_the_simulation_error_falls() -> None:

@@ -5,7 +5,7 @@ from __future__ import annotations
 import numpy as np
 import pytest
 
-from bayes_asv.domain.errors import InputError
+from bayes_asv.domain.errors import FitError, InputError
 from bayes_asv.domain.vehicle import read_vehicle
 from bayes_asv.filters.kalman import MISSING
 from bayes_asv.io import read_recording
@@ -70,7 +70,7 @@ def test_a_fit_that_is_no_car_is_refused_in_one_sentence() -> None:
     z = np.zeros(dataset.posterior(()).space.dimension)
     z[1] = 9.0
     assert dataset.posterior(()).space.values(z[None])["c_r"] > 1e3 * car.c_r.value
-    with pytest.raises(InputError, match="fit of the half car diverges") as refused:
+    with pytest.raises(FitError, match="fit of the half car diverges") as refused:
         update_corrections_at(dataset, dataset.posterior(()), z)
     assert "check channels, signs, units and clocks" in refused.value.fix
 

@@ -11,7 +11,7 @@ import numpy as np
 import pytest
 from scipy.stats import t as student
 
-from bayes_asv.domain.errors import InputError
+from bayes_asv.domain.errors import FitError
 from bayes_asv.domain.recording import Recording
 from bayes_asv.domain.vehicle import Vehicle
 from bayes_asv.posterior.fitted_model import FittedModel, fit_linear_car, make_dataset
@@ -82,7 +82,7 @@ def test_an_error_beyond_all_cars_is_not_drawn_for_ever() -> None:
     recording, given, _ = driven(0, 0.0)
     fit, rng = _fit([recording], given), np.random.default_rng(0)
     wide = 1e12 * np.eye(fit.space.dimension)
-    with pytest.raises(InputError, match="err by more than any car allows"):
+    with pytest.raises(FitError, match="err by more than any car allows"):
         draw_cars(fit.space, fit.mode.z, wide, 100, rng)
     assert len(draw_cars(fit.space, fit.mode.z, fit.mode.covariance, 100, rng)) == 100
 

@@ -39,7 +39,7 @@ def test_the_mend_is_the_band_that_the_wheels_explain(name: str) -> None:
     car = read_vehicle(DRIVES / "roomster.toml")
     line = prepared(_drive(name), car)
     (said,) = suggest_band(line, np.array([1.0, 0.8]), 5.0)  # as a fit at full band may leave it
-    assert said.endswith("try --below 4")
+    assert said.endswith("try 'bayes-asv estimate --below 4'")
     assert suggest_band(line, np.array([0.2, 0.1]), 5.0) == []
 
 

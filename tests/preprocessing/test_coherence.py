@@ -90,7 +90,7 @@ def test_a_band_is_named_only_where_the_wheels_explain_it() -> None:
     poor, good = np.array([0.1, 0.4]), np.array([0.08, 0.08])
     (said,) = suggest_band(line, poor, 7.0)
     assert "explains only 90 and 60 %" in said
-    assert said.endswith("try --below 5")
+    assert said.endswith("try 'bayes-asv estimate --below 5'")
     assert suggest_band(line, good, 7.0) == []  # little is left, so there is nothing to mend
     values = recording.values.copy()
     values[[1, 3]] = values[[1, 3], ::-1]  # as much motion, and none of it from the wheels
