@@ -156,7 +156,7 @@ def test_the_page_shows_what_was_found(tmp_path: Path) -> None:
     assert "too few runs (40)" in page
     assert "Engine on the frame: rough | 40 of 40 |" in page
     assert "too narrow (adjusted p" in page
-    assert re.search(r"\| log-likelihood \| .* \| \*\*no\*\* \|", page)
+    assert re.search(r"\| log-likelihood \| .* \| \*\*yes\*\* \|", page)
     assert "commit abc1234" in page
     for target in re.findall(r"\]\((calibration/[^)]+)\)", page):
         assert (docs / target).stat().st_size > 2000
