@@ -19,6 +19,7 @@ from bayes_asv.diagnosis.simulation_error import ErrorChange
 from bayes_asv.diagnosis.thresholds import (
     CLEARLY_WORSE,
     LEAST_ODDS,
+    RELIABILITY_ALONE,
     RELIABILITY_BESIDE_FAULT,
     RELIABILITY_WITHOUT_ALTERNATIVE,
 )
@@ -160,22 +161,20 @@ class DiagnosisResult:
     seconds: float = 0.0
 
     @property
-    def reliability(self) -> float:
-        """Factor on the probabilities of named effects if an unlisted fault may be the true cause.
+    def _against_unlisted(self) -> float:
+        """Probability of the named effects against an unlisted fault in their place.
 
-        It is the probability of the named effects against such a fault in their place, bounded
-        since evidences have errors, and less if something unexplained was detected.
+        Bounded, since evidences have errors; one if no such fault was compared.
         """
         if self.unexplained is None or not self.unexplained.present:
             return 1.0
-        odds = float(expit(-self.unexplained.alternative))  # 1 if none was compared
-        return max(odds, LEAST_ODDS) * self._beside_remainder
+        return max(float(expit(-self.unexplained.alternative)), LEAST_ODDS)
 
     @property
-    def _beside_remainder(self) -> float:
-        """Factor on all probabilities if something unexplained was detected."""
+    def _reliability(self) -> float:
+        """Share of names that are true among those that nothing else speaks against."""
         if self.unexplained is None or not self.unexplained.detected:
-            return 1.0
+            return RELIABILITY_ALONE
         alternative = self.unexplained.alternative
         if math.isfinite(alternative) and alternative < -CLEARLY_WORSE:
             return RELIABILITY_WITHOUT_ALTERNATIVE
@@ -186,5 +185,16 @@ class DiagnosisResult:
 
         An engine is removed before effects are compared with unlisted faults: both have it.
         """
-        factor = self._beside_remainder if isinstance(cause, Engine) else self.reliability
-        return cause.probability * factor
+        against_unlisted = 1.0 if isinstance(cause, Engine) else self._against_unlisted
+        return cause.probability * against_unlisted * self._reliability
+
+    @property
+    def supported(self) -> tuple[NamedEffect, ...]:
+        """Effects with which the car is modelled better than without, whatever their true cause.
+
+        They are more probable than not beside the other effects and in comparison with an unlisted
+        fault in their place; if something remains, no unlisted fault alone comes near them.
+        """
+        if self._reliability == RELIABILITY_BESIDE_FAULT:
+            return ()
+        return tuple(e for e in self.named if e.probability * self._against_unlisted > 0.5)

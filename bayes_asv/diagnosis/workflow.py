@@ -394,9 +394,9 @@ def missing_effects(
     progress: Progress | None = None,
     car: str = "half",
 ) -> tuple[PlacedEffect, ...]:
-    """Return the effects that are more probable than not, for an estimate that includes them."""
+    """Return the effects that an estimate should include."""
     diagnosis = diagnose(recordings, (), vehicle, seed, progress, car)
-    return tuple(e.placed for e in diagnosis.named if diagnosis.probability_of(e) > 0.5)
+    return tuple(effect.placed for effect in diagnosis.supported)
 
 
 def _align_runs(

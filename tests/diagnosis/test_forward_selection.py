@@ -113,7 +113,8 @@ def test_a_strong_engine_that_wanders_is_the_only_cause() -> None:
     frequency = diagnosis.engine.frequency.value
     assert frequency == pytest.approx(true.parameters["frequency"], rel=0.03)
     assert diagnosis.named == ()
-    assert diagnosis.reliability == 1.0
+    assert diagnosis.unexplained is not None
+    assert not diagnosis.unexplained.detected
 
 
 def test_two_large_faults_are_named_where_tolerances_explain_either() -> None:

@@ -15,7 +15,10 @@ from bayes_asv.diagnosis.misspecification_test import (
 )
 from bayes_asv.diagnosis.model_assessment import assess, fit_pooled
 from bayes_asv.diagnosis.residual_tests import Outlier
+from bayes_asv.diagnosis.results import NamedEffect
+from bayes_asv.diagnosis.thresholds import RELIABILITY_ALONE
 from bayes_asv.diagnosis.workflow import DiagnosisResult
+from bayes_asv.models.effects import EFFECTS, PlacedEffect
 from bayes_asv.posterior.effect_fit import read_effect, with_effects
 from tests.battery.cases import case
 from tests.diagnosis.models import diagnose_case, prepared
@@ -23,20 +26,31 @@ from tests.diagnosis.models import diagnose_case, prepared
 NOTHING = MisspecificationResult(score=-3.0, axle="front", p_whiteness=0.4, excess_noise=())
 
 
-def _reliability(unexplained: MisspecificationResult | None) -> float:
+NAME = NamedEffect(PlacedEffect(EFFECTS["bound_rebound"], "front"), 1.0, (), {})
+
+
+def _beside(unexplained: MisspecificationResult | None) -> DiagnosisResult:
     vehicle = case("null/bump~baja", 5, 0).vehicle
-    return DiagnosisResult("named", (), (), (), vehicle, 0, unexplained=unexplained).reliability
+    return DiagnosisResult("named", (), (), (), vehicle, 0, named=(NAME,), unexplained=unexplained)
 
 
-def test_named_effects_count_in_full_when_nothing_is_unexplained() -> None:
+def _probability(unexplained: MisspecificationResult | None) -> float:
+    """Probability of a name that is certain among those in the list."""
+    return _beside(unexplained).probability_of(NAME)
+
+
+def test_no_name_is_certain_since_a_fault_that_is_not_in_the_list_may_imitate_it() -> None:
     assert not NOTHING.present
-    assert _reliability(NOTHING) == _reliability(None) == 1.0
+    assert _probability(NOTHING) == _probability(None) == RELIABILITY_ALONE
+    assert _beside(NOTHING).supported == (NAME,)
 
 
-def test_a_name_that_no_unlisted_fault_replaces_is_reliable_beside_one() -> None:
+def test_a_name_that_no_unlisted_fault_replaces_is_more_reliable_beside_one() -> None:
     left = replace(NOTHING, p_unlisted=1e-4)
-    assert _reliability(replace(left, alternative=-1e5)) > 0.5
-    assert _reliability(replace(left, alternative=-5.0)) < 0.5
+    far, near = replace(left, alternative=-1e5), replace(left, alternative=-5.0)
+    assert _probability(near) < _probability(far) < _probability(NOTHING)
+    assert _beside(far).supported == (NAME,)
+    assert _beside(near).supported == ()
 
 
 @pytest.mark.parametrize("behind", [3.0, 1.0, 0.0, -1.0])
@@ -44,7 +58,9 @@ def test_odds_against_an_unlisted_fault_lower_the_probability_of_a_name(behind: 
     with_alternative = replace(NOTHING, alternative=-behind)
     assert with_alternative.present
     assert not with_alternative.detected
-    assert _reliability(with_alternative) == pytest.approx(1.0 / (1.0 + np.exp(-behind)))
+    odds = 1.0 / (1.0 + np.exp(-behind))
+    assert _probability(with_alternative) == pytest.approx(RELIABILITY_ALONE * odds)
+    assert bool(_beside(with_alternative).supported) == (behind > 0.0)
 
 
 def test_an_engine_that_both_explanations_have_is_as_probable_beside_either() -> None:
@@ -57,12 +73,12 @@ def test_an_engine_that_both_explanations_have_is_as_probable_beside_either() ->
         DiagnosisResult("named", (), (), (), vehicle, 0, unexplained=one).probability_of(engine)
         for one in (better, replace(better, p_unlisted=1e-4))
     )
-    assert beside == 0.97
+    assert beside == pytest.approx(RELIABILITY_ALONE * 0.97)
     assert 0.2 < detected < 0.5
 
 
 def test_a_name_is_not_lost_to_an_unlisted_fault_that_explains_more() -> None:
-    assert 0.05 < _reliability(replace(NOTHING, alternative=1e5)) < 0.2
+    assert 0.05 < _probability(replace(NOTHING, alternative=1e5)) < 0.2
 
 
 @pytest.mark.parametrize(
@@ -85,8 +101,8 @@ def test_named_effects_beside_a_detected_fault_are_unreliable(
 ) -> None:
     assert unexplained.detected
     assert unexplained.present
-    alternative = _reliability(replace(NOTHING, alternative=-1.0))
-    assert 0.0 < _reliability(unexplained) < 0.5 < alternative
+    alternative = _probability(replace(NOTHING, alternative=-1.0))
+    assert 0.0 < _probability(unexplained) < 0.5 < alternative
 
 
 @pytest.mark.parametrize(
