@@ -96,13 +96,11 @@ def coverage(options: argparse.Namespace) -> Row:
         own = [r for r in rows if (r["knowledge"], r["rate"], r["terrain"]) == wanted]
         parts[f"{wanted[0]}, {wanted[1]:.0f} Hz, {wanted[2]}"] = summary(own)
     exact = [r for r in rows if r["knowledge"] == "exact"]
-    fifty = [r["nees"] for r in exact[:: max(len(exact) // 50, 1)]][:50]
     return {
         "seed": options.seed,
         "all": summary(rows),
         "exact": summary(exact),
         "parts": parts,
-        "nees_of_50": {"mean": float(np.mean(fifty)), "band95": nees_band(len(fifty))},
         "rows": rows,
     }
 

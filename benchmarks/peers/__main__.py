@@ -63,10 +63,11 @@ def likelihoods(problem: Problem, folder: Path) -> dict[str, float]:
     data = space.recordings[0].measurements
     system, noise = space.state_space(sets, 0), space.noises(sets, 0)
     per = 1e9 / len(sets) / len(data.step)
+    from_coordinates = _fastest(lambda: problem.posterior.log_likelihood(sets))
     out = {
-        "ours, from coordinates on": per * _fastest(lambda: problem.posterior.log_likelihood(sets)),
-        "ours": per * _fastest(lambda: kalman.log_likelihood(system, noise, data)),
-    }  # fmt: skip
+        f"{OURS}, from coordinates on": per * from_coordinates,
+        OURS: per * _fastest(lambda: kalman.log_likelihood(system, noise, data)),
+    }
     ours = kalman.log_likelihood(system, noise, data)
     for lanes, name in ((1, "C, one car at a time"), (_LANES, "C, 8 cars side by side")):
         floor = Floor(lanes, folder)
@@ -227,7 +228,7 @@ def main() -> int:
         f"{platform.python_version()}, numba {version('numba')}",
         "libraries": libraries(arguments.python),
         "nanoseconds_a_step": {k: spread([one[k] for one in times]) for k in kinds},
-        "times_the_floor": spread([one["ours"] / one["C, 8 cars side by side"] for one in times]),
+        "times_the_floor": spread([one[OURS] / one["C, 8 cars side by side"] for one in times]),
         "largest_difference": max(one["largest difference"] for one in times),
         "largest_difference_of_jax": max(
             one["largest_difference"] for name in names for one in found[name] if "NUTS" in name
