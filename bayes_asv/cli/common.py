@@ -18,6 +18,7 @@ __all__ = [
     "answer",
     "below_option",
     "car_option",
+    "car_option_of",
     "channels_option",
     "check_outputs",
     "effects_option",
@@ -68,11 +69,15 @@ below_option = click.option(
     "--below", type=click.FloatRange(min=0.0, min_open=True), metavar="HZ",
     help="Use only the motion below this frequency.",
 )  # fmt: skip
-car_option = click.option(
-    "--car", type=click.Choice(CARS),
-    help="Model of the car (docs/cars.md); by default the one whose wheels the first recording "
-    "has.",
-)  # fmt: skip
+
+
+def car_option_of(default: str) -> Callable[[Any], Any]:
+    """Make the option of the car's model, whose default is said in words."""
+    words = f"Model of the car (docs/cars.md); by default {default}."
+    return click.option("--car", type=click.Choice(CARS), help=words)
+
+
+car_option = car_option_of("the one whose wheels the first recording has")
 
 
 def quantity(

@@ -19,11 +19,7 @@ _ROADS = ("bump", "stops", "rollers", "rough")
     help="Wanted standard deviation in percent of the value, of every parameter or of one: "
     "--want 5 --want c_f=2.  [default: 5]",
 )  # fmt: skip
-@click.option(
-    "--car", type=click.Choice(common.CARS),
-    help="Model of the car (docs/cars.md); by default the one whose wheels --channels names, or "
-    "half.",
-)  # fmt: skip
+@common.car_option_of("the one whose wheels --channels names, or half")
 @click.option(
     "--channels", metavar="NAMES",
     help="Sensors at hand, separated by commas, such as front_wheel,rear_wheel,front_travel; by "

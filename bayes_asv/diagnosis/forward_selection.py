@@ -340,14 +340,14 @@ def select_effects(
             break
         before, new = current, best.model.placed_effects[len(assessed.model.placed_effects) :]
         try:
-            extended = assess(assessed.dataset, best.model, seed)
+            reassessed = assess(assessed.dataset, best.model, seed)
         except FitError:  # the fit to recordings as read diverges
             excluded = {*excluded, *map(str, new)}
             continue
         effects = [NamedEffect(placed, min(probability, 1.0), tuple(others), {}) for placed in new]
         current = replace(
             current,
-            assessed=extended,
+            assessed=reassessed,
             effects=(*current.effects, *effects),
         )
         if on_trial:

@@ -13,7 +13,6 @@ the other one only if that fails.
 
 from __future__ import annotations
 
-import math
 from dataclasses import replace
 
 from bayes_asv.diagnosis.forward_selection import Selection, select_effects
@@ -99,8 +98,6 @@ def _select_with_laws(
             current, named = prune(assess(dataset, model, seed), named, seed)
         except FitError:
             return None
-        if not math.isfinite(current.evidence.log_evidence):
-            return None  # the fit diverged
         if not _is_misspecified(current, seed):
             break
         law = _best_free_law(part, current)

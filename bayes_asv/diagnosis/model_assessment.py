@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import math
 from dataclasses import dataclass, replace
 from itertools import product
 
@@ -22,6 +23,7 @@ from bayes_asv.posterior.effect_fit import Candidate, candidates
 from bayes_asv.posterior.fitted_model import (
     Dataset,
     FittedModel,
+    divergence_error,
     fit_again,
     fit_linear_car,
     update_corrections,
@@ -76,12 +78,20 @@ class AssessedModel:
 
 
 def assess(dataset: Dataset, model: FittedModel, seed: int) -> AssessedModel:
-    """Fit a model on denoised inputs, and compute the scores of every candidate effect."""
+    """Fit a model on denoised inputs, and compute the scores of every candidate effect.
+
+    Raises
+    ------
+    FitError
+        If the fit diverges.
+    """
     dataset, denoised, model = _fit_denoised_inputs(dataset, model)
     steps = score_test(denoised_model(denoised, model), candidates(model, dataset.vehicle))
     test = with_best_pulses(steps)
-    p = family_p_value(steps, seed)
-    return AssessedModel(dataset, denoised, model, test, tolerance_evidence(model, test), p)
+    evidence = tolerance_evidence(model, test)
+    if not math.isfinite(evidence.log_evidence):
+        raise divergence_error(dataset.recordings[0])
+    return AssessedModel(dataset, denoised, model, test, evidence, family_p_value(steps, seed))
 
 
 def _fit_denoised_inputs(

@@ -161,7 +161,7 @@ class DiagnosisResult:
     seconds: float = 0.0
 
     @property
-    def _against_unlisted(self) -> float:
+    def _against_unlisted_fault(self) -> float:
         """Probability of the named effects against an unlisted fault in their place.
 
         Bounded, since evidences have errors; one if no such fault was compared.
@@ -185,7 +185,7 @@ class DiagnosisResult:
 
         An engine is removed before effects are compared with unlisted faults: both have it.
         """
-        against_unlisted = 1.0 if isinstance(cause, Engine) else self._against_unlisted
+        against_unlisted = 1.0 if isinstance(cause, Engine) else self._against_unlisted_fault
         return cause.probability * against_unlisted * self._reliability
 
     @property
@@ -197,4 +197,4 @@ class DiagnosisResult:
         """
         if self._reliability == RELIABILITY_BESIDE_FAULT:
             return ()
-        return tuple(e for e in self.named if e.probability * self._against_unlisted > 0.5)
+        return tuple(e for e in self.named if e.probability * self._against_unlisted_fault > 0.5)

@@ -18,7 +18,6 @@
 
 from __future__ import annotations
 
-import math
 import time
 from collections.abc import Sequence
 from dataclasses import replace
@@ -71,17 +70,15 @@ from bayes_asv.domain.vehicle import Vehicle
 from bayes_asv.models.cars import car_model
 from bayes_asv.models.effects import PlacedEffect
 from bayes_asv.posterior.clock_errors import align_clocks
-from bayes_asv.posterior.fit_checks import explained_power_findings, model_bandwidth
+from bayes_asv.posterior.fit_checks import band_advice, explained_power_findings
 from bayes_asv.posterior.fitted_model import (
     Dataset,
     FittedModel,
-    divergence_error,
     fit_linear_car,
     make_dataset,
 )
-from bayes_asv.posterior.free_simulation import free_run, unexplained_in_band
+from bayes_asv.posterior.free_simulation import free_run
 from bayes_asv.posterior.model_error import model_error
-from bayes_asv.preprocessing.data_checks import suggest_band
 from bayes_asv.preprocessing.faulty_channels import with_measured_noise
 from bayes_asv.preprocessing.prepared_recording import PreparedRecording
 from bayes_asv.preprocessing.resampling import at_own_rate
@@ -274,9 +271,7 @@ def _explains_too_little(model: FittedModel) -> tuple[str, ...]:
         simulated = free_run(model.posterior, model.mode.z, run)
         reasons, _ = explained_power_findings(recording, simulated)
         if reasons:
-            top = model_bandwidth(recording)
-            left = unexplained_in_band(recording, simulated, top) ** 2
-            out += [*reasons, *suggest_band(recording, left, top)]
+            out += [*reasons, *band_advice(recording, simulated)]
     return tuple(out)
 
 
@@ -335,8 +330,6 @@ def _search(
 ) -> _Search:
     """Search for an engine and for missing effects."""
     first = assess(given.fit, given.linear, seed)
-    if not math.isfinite(first.evidence.log_evidence):
-        raise divergence_error(given.fit.recordings[0])
     explained = _explained_energy(first)
     dataset, linear, engine, holdout_runs = remove_engine_tones(
         given.fit,

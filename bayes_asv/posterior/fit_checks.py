@@ -6,10 +6,10 @@ import numpy as np
 
 from bayes_asv.models.modes import nominal_modes
 from bayes_asv.posterior.free_simulation import FreeRun, unexplained_in_band
-from bayes_asv.preprocessing.data_checks import MAX_UNEXPLAINED
+from bayes_asv.preprocessing.data_checks import MAX_UNEXPLAINED, suggest_band
 from bayes_asv.preprocessing.prepared_recording import PreparedRecording
 
-__all__ = ["excess_noise_sentence", "explained_power_findings", "model_bandwidth"]
+__all__ = ["band_advice", "excess_noise_sentence", "explained_power_findings", "model_bandwidth"]
 
 # Bandwidth in which the car has to explain the readings, in frequencies of its fastest mode.
 _BAND = 2.5
@@ -63,6 +63,14 @@ def explained_power_findings(
             "and scales of the sensors"
         )
     return reasons, warnings
+
+
+def band_advice(recording: PreparedRecording, simulated: FreeRun) -> list[str]:
+    """Recommend a band in which the wheels explain more; see :func:`suggest_band`."""
+    if recording.below is not None:
+        return []
+    top = model_bandwidth(recording)
+    return suggest_band(recording, unexplained_in_band(recording, simulated, top) ** 2, top)
 
 
 def model_bandwidth(recording: PreparedRecording) -> float:

@@ -16,9 +16,9 @@ from bayes_asv.posterior.band_fit import notes as band_notes
 from bayes_asv.posterior.effect_fit import with_effects
 from bayes_asv.posterior.effects import SensorCorrections
 from bayes_asv.posterior.fit_checks import (
+    band_advice,
     excess_noise_sentence,
     explained_power_findings,
-    model_bandwidth,
 )
 from bayes_asv.posterior.fitted_model import (
     FittedModel,
@@ -27,15 +27,12 @@ from bayes_asv.posterior.fitted_model import (
     transfer_coordinates,
     update_corrections_at,
 )
-from bayes_asv.posterior.free_simulation import free_run, unexplained_in_band
+from bayes_asv.posterior.free_simulation import free_run
 from bayes_asv.posterior.identifiability import unidentified_after_fit
 from bayes_asv.posterior.likelihood import WHITE, Posterior, ResidualAR, shared_work
 from bayes_asv.posterior.newton import PosteriorMode, find_mode
 from bayes_asv.posterior.parameters import ParameterSpace, make_parameter_space
 from bayes_asv.posterior.residual_ar import fit_residual_ar
-from bayes_asv.preprocessing.data_checks import (
-    suggest_band,
-)
 from bayes_asv.preprocessing.prepared_recording import PreparedRecording, with_clock_variants
 from bayes_asv.preprocessing.tone_removal import (
     engine_tones,
@@ -164,11 +161,8 @@ def _check_fit(
     for run, recording in enumerate(parameter_space.recordings):
         free = free_run(posterior, mode.z, run)
         fit_reasons, notes = explained_power_findings(recording, free, bool(shares))
-        if recording.below is None and (fit_reasons or notes):
-            top = model_bandwidth(recording)
-            fit_reasons += suggest_band(
-                recording, unexplained_in_band(recording, free, top) ** 2, top
-            )
+        if fit_reasons or notes:
+            fit_reasons += band_advice(recording, free)
         faults += fit_reasons
         warnings += (
             notes

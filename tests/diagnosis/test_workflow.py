@@ -12,7 +12,7 @@ from typing import Any
 import numpy as np
 import pytest
 
-from bayes_asv.diagnosis.model_assessment import AssessedModel, assess
+from bayes_asv.diagnosis.tolerance_prior import ModelEvidence, tolerance_evidence
 from bayes_asv.diagnosis.workflow import DiagnosisResult, diagnose
 from bayes_asv.report.documents.diagnose import diagnose_document
 from bayes_asv.report.sections.diagnosis import diagnosis_lines
@@ -50,12 +50,11 @@ def test_a_recording_that_no_car_fits_is_refused(monkeypatch: pytest.MonkeyPatch
     """A fit that has left all cars was diagnosed, and its intervals were drawn for ever."""
     one = case("null/bump~baja", 3, 0)
 
-    def diverged(*given: Any) -> AssessedModel:
-        found = assess(*given)
-        nothing = np.full_like(found.evidence.by_scale, -np.inf)
-        return replace(found, evidence=replace(found.evidence, by_scale=nothing))
+    def diverged(*given: Any) -> ModelEvidence:
+        found = tolerance_evidence(*given)
+        return replace(found, by_scale=np.full_like(found.by_scale, -np.inf))
 
-    monkeypatch.setattr("bayes_asv.diagnosis.workflow.assess", diverged)
+    monkeypatch.setattr("bayes_asv.diagnosis.model_assessment.tolerance_evidence", diverged)
     refused = diagnose(one.recordings[:1], one.holdout, one.vehicle, 1)
     assert refused.verdict == "refused"
     (reason,) = refused.reasons
