@@ -28,7 +28,6 @@ from scipy.optimize import minimize
 
 from bayes_asv.diagnosis.denoised_model import DenoisedModel, denoised_model
 from bayes_asv.diagnosis.model_assessment import AssessedModel, model_evidence
-from bayes_asv.diagnosis.results import UnnamedCause
 from bayes_asv.diagnosis.score_test import NuisanceProjection
 from bayes_asv.diagnosis.simulation_error import transfer_frozen
 from bayes_asv.diagnosis.thresholds import (
@@ -40,6 +39,7 @@ from bayes_asv.diagnosis.tolerance_prior import ModelEvidence, projection_with_t
 from bayes_asv.diagnosis.unlisted_fault_models import (
     FaultTerm,
     PredictedMotion,
+    UnnamedCause,
     fault_terms,
     predicted_motions,
     rms_travel,
@@ -438,7 +438,7 @@ def _perturb_holdout(dataset: Dataset, model: FittedModel, current: _Regression)
 def _causes(at: _Linearised, current: _Regression, scores: _Scores) -> tuple[UnnamedCause, ...]:
     """Divide the change of the predictions among the kinds of fault."""
     sizes, dataset = current.sizes / scores.factors, at.denoised.dataset
-    shares = []
+    causes = []
     for kind in current.deviations:
         terms_of_kind = [k for k, term in enumerate(current.terms) if term.fault == kind]
         part = abs(float(sizes[terms_of_kind] @ scores.information[terms_of_kind] @ sizes))
@@ -448,10 +448,11 @@ def _causes(at: _Linearised, current: _Regression, scores: _Scores) -> tuple[Unn
         runs = range(len(dataset.recordings))
         changes = [sum(size * faults[run].change for size, faults in terms) for run in runs]
         along = [terms[0][1][run].along for run in runs]
-        dimensions = current.terms[terms_of_kind[0]].kind.dimensions
-        shares.append((part, (*kind, dimensions, tuple(changes), tuple(along))))
-    total = sum(part for part, _ in shares)
-    return tuple(
-        UnnamedCause(kind, place, part / total, dimensions, changes, along)
-        for part, (kind, place, dimensions, changes, along) in sorted(shares, key=lambda x: -x[0])
-    )
+        of_kind = current.terms[terms_of_kind[0]].kind
+        cause = UnnamedCause(
+            *kind, part, of_kind.dimensions, tuple(changes), tuple(along), of_kind.element
+        )
+        causes.append(cause)
+    total = sum(cause.share for cause in causes)
+    ordered = sorted(causes, key=lambda cause: -cause.share)
+    return tuple(replace(cause, share=cause.share / total) for cause in ordered)

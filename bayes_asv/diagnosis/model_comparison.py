@@ -9,7 +9,7 @@ model.  The car's quantities are averaged over all of them, weighted by their pr
 from __future__ import annotations
 
 import math
-from collections.abc import Callable, Collection
+from collections.abc import Callable, Collection, Sequence
 from dataclasses import dataclass, replace
 from typing import NamedTuple
 
@@ -33,6 +33,7 @@ from bayes_asv.diagnosis.tolerance_prior import (
     marginal_scores,
     tolerance_evidence,
 )
+from bayes_asv.diagnosis.unlisted_fault_models import UnnamedCause
 from bayes_asv.models.effects import BOTH, PlacedEffect
 from bayes_asv.posterior.effect_fit import Candidate, fit_with_effect
 from bayes_asv.posterior.fitted_model import Dataset, FittedModel, fit_model
@@ -345,9 +346,22 @@ def draw_quantities(posteriors: list[WeightedPosterior], seed: int) -> dict[str,
 
 
 def draw_dampers(
-    model: FittedModel, evidence: ModelEvidence, seed: int
+    model: FittedModel, evidence: ModelEvidence, seed: int, unnamed: Sequence[UnnamedCause] = ()
 ) -> tuple[tuple[DampingRates, ...], dict[str, Array]]:
     """Draw the rates of dampers whose force is not proportional to speed.
+
+    The power of an unlisted force at the element is part of that of its damper.  A curve that may
+    have any shape and such a force explain the same motion in part; the recordings determine the
+    power of both together, and not how it is divided.
+
+    Parameters
+    ----------
+    model, evidence : FittedModel, ModelEvidence
+        Model with all named effects, and its posterior under the tolerance prior.
+    seed : int
+        Seed of the draws.
+    unnamed : sequence of UnnamedCause
+        Unlisted faults in the model, whose sizes are taken as known.
 
     Returns
     -------
@@ -360,9 +374,20 @@ def draw_dampers(
     mean = model.mode.z + evidence.mode_shift
     z = draw_cars(model.space, mean, evidence.covariance, MAX_DRAWS, rng)
     draws = model.space.quantities(z, seed)
-    dampers = damping_rates(model.posterior, model.mode.z, z, draws)
+    dampers = tuple(
+        _with_unlisted_forces(damper, unnamed)
+        for damper in damping_rates(model.posterior, model.mode.z, z, draws)
+    )
     rates = with_equal_power(draws, dampers)
     return dampers, {name: x for name, x in rates.items() if x is not draws[name]}
+
+
+def _with_unlisted_forces(damper: DampingRates, unnamed: Sequence[UnnamedCause]) -> DampingRates:
+    """Add the power of the unlisted forces at a damper's element to its rate of equal power."""
+    added = sum(cause.equal_power for cause in unnamed if cause.element == damper.element)
+    total = damper.equal_power + added
+    over_rate = damper.over_rate * total / damper.equal_power
+    return replace(damper, equal_power=total, over_rate=over_rate)
 
 
 def draw_springs(model: FittedModel, evidence: ModelEvidence, seed: int) -> tuple[SpringCurve, ...]:

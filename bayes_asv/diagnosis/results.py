@@ -23,12 +23,13 @@ from bayes_asv.diagnosis.thresholds import (
     RELIABILITY_BESIDE_FAULT,
     RELIABILITY_WITHOUT_ALTERNATIVE,
 )
+from bayes_asv.diagnosis.unlisted_fault_models import UnnamedCause
 from bayes_asv.domain.vehicle import Vehicle
 from bayes_asv.models.effects import PlacedEffect
 from bayes_asv.posterior.fitted_model import FittedModel
 from bayes_asv.preprocessing.prepared_recording import PreparedRecording
 
-__all__ = ["DiagnosisResult", "NamedEffect", "UnnamedCause"]
+__all__ = ["DiagnosisResult", "NamedEffect"]
 
 Array = NDArray[np.float64]
 
@@ -54,31 +55,6 @@ class NamedEffect:
     probability: float
     indistinguishable: tuple[ExtendedModel, ...]
     errors: dict[str, ErrorChange]
-
-
-@dataclass(frozen=True)
-class UnnamedCause:
-    """An unlisted fault that was added to the model, since no listed effect explains the data.
-
-    Parameters
-    ----------
-    kind, place : str
-        Kind of fault, and its place.
-    share : float
-        Its share of the squared change of the predictions.
-    dimensions : (str, str)
-        Physical dimensions of ``changes`` and of ``along``.
-    changes, along : tuple of (E,) arrays
-        For each fitted run, the change (a force on the body, or an addition to a reading) and the
-        variable on which it depends (rate of deflection, acceleration or reading), SI units.
-    """
-
-    kind: str
-    place: str
-    share: float
-    dimensions: tuple[str, str]
-    changes: tuple[Array, ...]
-    along: tuple[Array, ...]
 
 
 @dataclass(frozen=True)

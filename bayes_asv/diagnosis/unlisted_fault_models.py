@@ -36,6 +36,7 @@ __all__ = [
     "FaultTerm",
     "PredictedMotion",
     "UnlistedFault",
+    "UnnamedCause",
     "fault_terms",
     "lag_terms",
     "predicted_motions",
@@ -114,6 +115,8 @@ class FaultKind:
         Prior standard deviation of its size; infinite without a limit.
     one_sided : bool
         Whether its size is positive: its opposite is in the list.
+    element : str or None
+        Suspension element of which it is a force.
     """
 
     name: str
@@ -124,6 +127,7 @@ class FaultKind:
     change: Callable[[PreparedRecording, PredictedMotion, Form], UnlistedFault]
     usual: float = math.inf
     one_sided: bool = False
+    element: str | None = None
 
 
 class FaultTerm(NamedTuple):
@@ -160,6 +164,40 @@ class FaultTerm(NamedTuple):
             self.kind.change(recording, motion, self.form)
             for recording, motion in zip(dataset.recordings, motions, strict=True)
         )
+
+
+@dataclass(frozen=True)
+class UnnamedCause:
+    """An unlisted fault that was added to the model, since no listed effect explains the data.
+
+    Parameters
+    ----------
+    kind, place : str
+        Kind of fault, and its place.
+    share : float
+        Its share of the squared change of the predictions.
+    dimensions : (str, str)
+        Physical dimensions of ``changes`` and of ``along``.
+    changes, along : tuple of (E,) arrays
+        For each fitted run, the change (a force on the body, or an addition to a reading) and the
+        variable on which it depends (rate of deflection, acceleration or reading), SI units.
+    element : str or None
+        Suspension element of which it is a force.
+    """
+
+    kind: str
+    place: str
+    share: float
+    dimensions: tuple[str, str]
+    changes: tuple[Array, ...]
+    along: tuple[Array, ...]
+    element: str | None
+
+    @property
+    def equal_power(self) -> float:
+        """Rate of the linear damper that takes the power of an element's force, N·s/m."""
+        power = -sum(float(f @ v) for f, v in zip(self.changes, self.along, strict=True))
+        return power / sum(float(v @ v) for v in self.along)
 
 
 class PredictedMotion(NamedTuple):
@@ -319,6 +357,7 @@ def _element_kinds(car: CarModel, e: int, laws: Iterable[_ElementLaw]) -> Iterat
             ("force", "velocity"),
             partial(_element_fault, e, law.force),
             one_sided=law.one_sided,
+            element=car.elements[e].name,
         )
 
 

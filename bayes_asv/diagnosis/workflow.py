@@ -230,7 +230,8 @@ def _diagnose(
         final_evidence = replace(
             final_evidence, covariance=final_evidence.covariance + model_error(assessed.model)
         )
-    dampers, rates = draw_dampers(final, final_evidence, seed)
+    unnamed = () if regression is None else regression.causes
+    dampers, rates = draw_dampers(final, final_evidence, seed, unnamed)
     return DiagnosisResult(
         verdict=verdict,
         reasons=(),
@@ -245,7 +246,7 @@ def _diagnose(
         p_none=selection.p_none,
         unexplained=unexplained,
         localization=localization,
-        unnamed=() if regression is None else regression.causes,
+        unnamed=unnamed,
         errors=errors,
         fitted=fit,
         holdout=search.holdout_runs,

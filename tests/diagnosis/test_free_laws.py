@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from dataclasses import replace
+from pathlib import Path
 from typing import Any
 
 import numpy as np
@@ -15,11 +16,13 @@ from bayes_asv.diagnosis.holdout_validation import Split, validate
 from bayes_asv.diagnosis.misspecification_test import misspecification_tests
 from bayes_asv.diagnosis.model_assessment import assess
 from bayes_asv.diagnosis.model_comparison import draw_dampers, draw_springs
+from bayes_asv.diagnosis.unlisted_fault_models import UnnamedCause
 from bayes_asv.diagnosis.workflow import diagnose
 from bayes_asv.domain.recording import Recording
 from bayes_asv.posterior.fitted_model import Dataset, FittedModel, fit_linear_car
 from bayes_asv.report.documents.diagnose import diagnose_document
 from bayes_asv.report.sections.diagnosis import findings
+from benchmarks.real_dampers import FILES, drawn, measured
 from tests.battery.cases import case
 from tests.diagnosis.models import ignore_progress, prepared
 from tests.posterior.cases import DECLARED, as_recording, vehicle
@@ -34,6 +37,8 @@ from tests.rig import (
     draw_biases,
     drive,
 )
+
+_DYNO = Path(__file__).parents[3] / "shared" / "data" / "dyno"
 
 
 def test_a_progressive_damper_is_a_curve() -> None:
@@ -57,6 +62,28 @@ def test_a_progressive_damper_is_a_curve() -> None:
     assert rear.element == "rear"
     assert rates["c_r"].shape == rear.equal_power.shape
     assert draw_springs(found.on_inputs_as_read, found.evidence, 0) == ()
+    # an unlisted force at the rear takes power there, one at the front or of a sensor does not
+    speed = (np.array([0.1, -0.3, 0.2]), np.array([-0.2, 0.4]))
+    force = tuple(-70.0 * v for v in speed)
+    here = UnnamedCause("a force", "", 1.0, ("force", "velocity"), force, speed, "rear")
+    causes = here, replace(here, element="front"), replace(here, element=None)
+    (total,), both = draw_dampers(found.on_inputs_as_read, found.evidence, 0, causes)
+    assert total.equal_power == pytest.approx(rear.equal_power + 70.0)
+    assert both["c_r"] == pytest.approx(rates["c_r"] + 70.0)
+    assert both["zeta_r"] / rates["zeta_r"] == pytest.approx(both["c_r"] / rates["c_r"])
+
+
+def test_the_rate_of_a_real_damper_holds_where_an_unlisted_force_is_added() -> None:
+    """The free curve of this damper has an unlisted force beside it, which takes from its power."""
+    if not all((_DYNO / name).exists() for name in FILES):
+        pytest.skip("../shared/data/dyno is not there")
+    _, runs, about = drawn(20, [measured(_DYNO / name) for name in FILES])
+    fit, held = (as_recording(run, f"{k}.csv") for k, run in enumerate(runs))
+    diagnosis = diagnose([fit], [held], vehicle(DECLARED), 20)
+    assert any(cause.element == "front" for cause in diagnosis.unnamed)
+    assert diagnosis.quantities_after is not None
+    low, high = np.quantile(diagnosis.quantities_after["c_f"], [0.025, 0.975])
+    assert low < about["c_f"] < high
 
 
 def test_a_law_with_which_the_fit_diverges_is_no_law(monkeypatch: pytest.MonkeyPatch) -> None:

@@ -14,8 +14,8 @@ from bayes_asv import __version__
 from bayes_asv.diagnosis.engine import Engine
 from bayes_asv.diagnosis.localization import Cell
 from bayes_asv.diagnosis.residual_tests import Outlier
-from bayes_asv.diagnosis.results import UnnamedCause
 from bayes_asv.diagnosis.simulation_error import ErrorChange
+from bayes_asv.diagnosis.unlisted_fault_models import UnnamedCause
 from bayes_asv.diagnosis.workflow import DiagnosisResult, NamedEffect
 from bayes_asv.domain.channels import Channel
 from bayes_asv.domain.recording import Recording

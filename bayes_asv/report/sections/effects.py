@@ -225,8 +225,9 @@ def _damper_table(dampers: Sequence[DampingRates]) -> Table:
         ["damper", "rate", "value", "95 % interval"],
         rows,
         "The rate of equal power is that of the linear damper which takes as much power at the "
-        "rates of deflection that were driven, dry friction at the axle included; their root mean "
-        "square is the speed at which force over speed is given.",
+        "rates of deflection that were driven. It includes dry friction at the axle, and any force "
+        "there that is in the model without a name; the slope and force over speed do not. The "
+        "latter is given at the root mean square of these rates.",
     )
 
 
