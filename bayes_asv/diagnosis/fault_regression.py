@@ -273,7 +273,11 @@ def regress_on_unlisted_faults(
     dataset, model, evidence = assessed.denoised, assessed.model, assessed.evidence
     current = _Regression()
     at = _Linearised(dataset, model, evidence, current)
-    all_terms = fault_terms(at.denoised.dataset, rms_travel(at.motions))
+    all_terms = [
+        term
+        for term in fault_terms(at.denoised.dataset, rms_travel(at.motions))
+        if not any(term.kind.within(placed, model.space.car) for placed in model.placed_effects)
+    ]
     while len(current.deviations) < _MAX_KINDS:
         refined = [term for term in current.terms if term not in all_terms]
         kinds = at.along([*all_terms, *refined]).further(current.deviations)
@@ -452,6 +456,8 @@ def _causes(at: _Linearised, current: _Regression, scores: _Scores) -> tuple[Unn
         cause = UnnamedCause(
             *kind, part, of_kind.dimensions, tuple(changes), tuple(along), of_kind.element
         )
+        if of_kind.opposite is not None and cause.equal_power < 0.0:
+            cause = replace(cause, kind=of_kind.opposite)
         causes.append(cause)
     total = sum(cause.share for cause in causes)
     ordered = sorted(causes, key=lambda cause: -cause.share)

@@ -22,7 +22,7 @@ from scipy.signal import cont2discrete, lfilter
 from bayes_asv.domain.channels import Channel
 from bayes_asv.filters.kalman import MISSING, ORDER
 from bayes_asv.models.car_model import CarModel, Output, Values, state_space
-from bayes_asv.models.effects import BOTH
+from bayes_asv.models.effects import BOTH, PlacedEffect
 from bayes_asv.posterior.fitted_model import Dataset
 from bayes_asv.posterior.free_simulation import free_run
 from bayes_asv.posterior.likelihood import Perturbation, Posterior, shared_work
@@ -113,10 +113,12 @@ class FaultKind:
         Function of recording, motion and form that returns the fault.
     usual : float
         Prior standard deviation of its size; infinite without a limit.
-    one_sided : bool
-        Whether its size is positive: its opposite is in the list.
+    opposite : str or None
+        Name of a fault that is in the list, of which it is the opposite.
     element : str or None
         Suspension element of which it is a force.
+    part : str or None
+        Part of a suspension element, a damper or spring, whose free law contains this force.
     """
 
     name: str
@@ -126,8 +128,16 @@ class FaultKind:
     dimensions: tuple[str, str]
     change: Callable[[PreparedRecording, PredictedMotion, Form], UnlistedFault]
     usual: float = math.inf
-    one_sided: bool = False
+    opposite: str | None = None
     element: str | None = None
+    part: str | None = None
+
+    def within(self, placed: PlacedEffect, car: CarModel) -> bool:
+        """Whether the free law of an effect contains this force."""
+        effect = placed.effect
+        elements = [car.elements[e].name for e in placed.elements(car)]
+        part = "damper" if effect.on_damper else "spring"
+        return effect.free_form and part == self.part and self.element in elements
 
 
 class FaultTerm(NamedTuple):
@@ -356,8 +366,9 @@ def _element_kinds(car: CarModel, e: int, laws: Iterable[_ElementLaw]) -> Iterat
             law.continuous,
             ("force", "velocity"),
             partial(_element_fault, e, law.force),
-            one_sided=law.one_sided,
+            opposite=law.opposite,
             element=car.elements[e].name,
+            part=law.part,
         )
 
 
@@ -409,26 +420,33 @@ class _ElementLaw(NamedTuple):
     forms: tuple[Form, ...]
     continuous: bool
     force: ForceLaw
-    one_sided: bool = False
+    opposite: str | None = None
+    part: str | None = None
 
 
 def _force_laws(travel: float) -> Iterator[_ElementLaw]:
-    """Yield unlisted force laws of a suspension element, given its rms deflection.
-
-    The opposite of an inertia is a damper in a soft mount, that of a progressive damper a
-    digressive one: both are in the list.
-    """
+    """Yield unlisted force laws of a suspension element, given its rms deflection."""
     yield _ElementLaw(
-        "an inertia in the suspension", _each(_MOUNT_TIME_CONSTANTS), True, _inertia, one_sided=True
+        "an inertia in the suspension",
+        _each(_MOUNT_TIME_CONSTANTS),
+        True,
+        _inertia,
+        opposite=_SOFT_MOUNT.name,
     )
     forms = _each(share * travel for share in _PLAY)
     yield _ElementLaw("a damper with play", forms, True, _force_with_play)
     yield _hysteresis_law(travel)
     yield _ElementLaw("a damper that depends on travel", _each((1, 2)), False, _damper_by_travel)
     yield _ElementLaw(
-        "a progressive damper", _each((2, 3)), False, _damper_by_speed, one_sided=True
+        "a progressive damper",
+        _each((2, 3)),
+        False,
+        _damper_by_speed,
+        opposite="a digressive damper",
+        part="damper",
     )
-    yield _ElementLaw("an asymmetric spring", ((2.0, 1.0), (2.0, 0.0)), False, _spring_by_travel)
+    forms = ((2.0, 1.0), (2.0, 0.0))
+    yield _ElementLaw("an asymmetric spring", forms, False, _spring_by_travel, part="spring")
 
 
 def _hysteresis_law(travel: float) -> _ElementLaw:

@@ -131,8 +131,8 @@ class UnlistedFaultScores(NamedTuple):
 
     @property
     def one_sided(self) -> NDArray[np.bool_]:
-        """Whether only a positive size of each (K,) is unlisted."""
-        return np.array([term.kind.one_sided for term in self.terms])
+        """Whether only a positive size of each (K,) is unlisted, since its opposite is listed."""
+        return np.array([term.kind.opposite is not None for term in self.terms])
 
     @property
     def raw_information(self) -> Array:

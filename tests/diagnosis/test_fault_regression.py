@@ -13,7 +13,8 @@ from bayes_asv.diagnosis.denoised_model import denoised_model
 from bayes_asv.diagnosis.fault_regression import _Scores, regress_on_unlisted_faults
 from bayes_asv.diagnosis.model_comparison import draw_quantities, weighted_posterior
 from bayes_asv.diagnosis.simulation_error import compare_errors
-from bayes_asv.diagnosis.unlisted_fault_models import FaultTerm
+from bayes_asv.diagnosis.unlisted_fault_models import FaultTerm, fault_terms
+from bayes_asv.models.effects import EFFECTS, PlacedEffect
 from bayes_asv.posterior.fitted_model import FittedModel, fit_again, make_dataset
 from bayes_asv.posterior.free_simulation import free_run
 from bayes_asv.posterior.likelihood import Perturbation
@@ -50,6 +51,27 @@ def test_the_held_out_error_falls(name: str, like: tuple[str, str], least: float
             begin, end = np.quantile(draws[parameter], [0.001, 0.999])
             assert begin < high, parameter
             assert end > low, parameter
+
+
+def test_a_fault_with_the_opposite_sign_has_its_own_name() -> None:
+    """A damper in a soft mount, which acts against an inertia."""
+    regression = regress_on_unlisted_faults(assess_case("maxwell_mount-20000", 191, 0, "dev"), None)
+    assert regression is not None
+    cause = regression.causes[0]
+    assert (cause.kind, cause.element) == ("a damper in a soft mount", "rear")
+
+
+def test_a_free_law_contains_every_function_of_its_variable() -> None:
+    dataset = assess_case("null/bump~baja", 3, 0, "dev").denoised
+    car, terms = dataset.recordings[0].car, fault_terms(dataset, np.array([0.01, 0.01]))
+    for law, at, fault in (
+        ("damper_curve", "rear", ("a progressive damper", "at the rear")),
+        ("spring_curve", "front", ("an asymmetric spring", "at the front")),
+    ):
+        placed = PlacedEffect(EFFECTS[law], at)
+        assert {term.fault for term in terms if term.kind.within(placed, car)} == {fault}
+    placed = PlacedEffect(EFFECTS["damper_hysteresis"], "rear")
+    assert not any(term.kind.within(placed, car) for term in terms)
 
 
 def test_an_exact_car_needs_nothing() -> None:

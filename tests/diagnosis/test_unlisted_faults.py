@@ -32,7 +32,7 @@ def test_no_effect_is_named_where_an_unlisted_fault_explains_more() -> None:
 
 
 def test_a_fault_of_one_sign_gains_nothing_by_the_other_sign() -> None:
-    kinds: list[Any] = [SimpleNamespace(one_sided=one_sided) for one_sided in (True, False)]
+    kinds: list[Any] = [SimpleNamespace(opposite=listed) for listed in ("a listed one", None)]
     terms = tuple(FaultTerm(kind, ()) for kind in kinds for _ in range(2))
     gradient, own = np.array([12.0, -12.0, 12.0, -12.0]), np.array([16.0, 16.0, 36.0, 36.0])
     scores = UnlistedFaultScores(gradient, np.diag(own), np.diag(np.sqrt(own)), terms)
