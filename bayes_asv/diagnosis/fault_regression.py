@@ -60,8 +60,9 @@ _ROUNDS = 2  # iterations between the changes and the motion
 # the constants and of the evidence (nats).
 _TRIALS, _TOLERANCE, _GAIN = 40, 0.01, 0.1
 _STARTS = 2  # starting points of that search
-# Logarithm by which the constants may go beyond those of the forms: a hundredfold.
-_BEYOND = math.log(100.0)
+# Logarithm by which the constants may go beyond those of the forms: their widest spacing.  Farther
+# out a fault is one of the car's own forces, as an inertia with a long time constant is a damper.
+_BEYOND = math.log(4.0)
 # Step of a scan over a frequency, in its logarithm: the width of a resonance with 3 % damping.
 _SCAN_STEP = 0.06
 # Prior standard deviations that are tried, in unit sizes: a hundredth of the damper's force or of a
@@ -338,7 +339,7 @@ def _optimise_constants(
         others = [term for term in scores.terms if term.fault != kind]
         one = _SingleForm(at, forms[0], at.along(others) if others else None, kinds)
         starts = sorted(_scan(forms), key=one.loss)[:_STARTS]
-        logs = np.log([term.form for term in forms])
+        logs = np.log(forms[0].kind.forms)
         bounds = list(zip(logs.min(axis=0) - _BEYOND, logs.max(axis=0) + _BEYOND, strict=True))
         fits = [
             minimize(

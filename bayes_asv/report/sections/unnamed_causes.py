@@ -47,11 +47,17 @@ def unnamed_cause_lines(document: DiagnoseDocument) -> list[str]:
             for cause in causes
         ]
     )
-    return [
+    lines = [
         f"What remains changes the recordings as {like} would. That is a description and no "
         "finding: it is in the model without a name, and damping rates and inertia are given with "
         "it."
     ]
+    if document.dampers:
+        lines.append(
+            "A rate of equal power includes what remains at that axle; the slope of a damper and "
+            "its force over speed do not."
+        )
+    return lines
 
 
 def _over_time(cause: UnnamedCause, n: int) -> svg.Panel:
