@@ -124,7 +124,7 @@ RESULTS = {
     "real cars": Result(
         "real_cars.json", 60, ("benchmarks.real_cars --size 0.25 --size 0.5 --size 1 --seed 8000",)
     ),
-    "real dampers": Result("real_dampers.json", 120, ("benchmarks.real_dampers {data}/dyno",)),
+    "real dampers": Result("real_dampers.json", 180, ("benchmarks.real_dampers {data}/dyno",)),
     "resampled exports": Result("resampled_exports.json", 40, ("benchmarks.resampled_exports",)),
     "roll car": Result("rolling.json", 60, ("benchmarks.rolling", "benchmarks.rolling worn 4")),
     "roomster": Result("roomster.json", 60, ("benchmarks.roomster {data}/roomster",)),
