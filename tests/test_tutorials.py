@@ -17,6 +17,7 @@ from pathlib import Path
 import pytest
 
 from bayes_asv.cli import main
+from tests.page_examples import assert_shown
 
 ROOT = Path(__file__).parents[1]
 TUTORIALS = ROOT / "docs" / "tutorials"
@@ -51,24 +52,6 @@ def _run(line: str, monkeypatch: pytest.MonkeyPatch) -> str:
     return printed.getvalue()
 
 
-def _masked(text: str) -> str:
-    """Mask the digits, whose last place may differ between machines, and the width of columns."""
-    numbers = re.sub(r"\d+(\.\d+)?(e-\d+)?", "#", text)
-    return "\n".join(" ".join(line.split()) for line in numbers.strip().splitlines())
-
-
-def _assert_shown(shown: str, printed: str) -> None:
-    """Compare what a page shows with what was printed; a line with … stands for any lines."""
-    begin, text = 0, _masked(printed)
-    parts = re.split(r"^…$", _masked(shown), flags=re.MULTILINE)
-    for k, part in enumerate(parts):
-        found = text.find(part.strip(), begin)
-        assert found >= 0, f"the page shows\n{part}\nand the command prints\n{text}"
-        assert k > 0 or found == 0
-        begin = found + len(part.strip())
-    assert not parts[-1].strip() or begin == len(text), text[begin:]
-
-
 def _steps(page: str, real: bool) -> Iterator[tuple[str, str, str]]:
     """Language, text and output of the blocks that need a real file, or of all others."""
     blocks = [*_blocks(page), ("", "")]
@@ -93,7 +76,7 @@ def test_a_tutorial_leads_to_its_report(
             Path(caption[1]).write_text(text[caption.end() :], encoding="utf-8")
         elif caption:  # the head of a file
             head = Path(caption[1]).read_text("utf-8")[: len(text)]
-            _assert_shown(text[caption.end() :] + "…", head)
+            assert_shown(text[caption.end() :] + "…", head)
         elif language == "toml":  # a part of the vehicle file
             assert text in (tmp_path / "car.toml").read_text("utf-8")
         elif language == "python":
@@ -101,7 +84,7 @@ def test_a_tutorial_leads_to_its_report(
         elif language == "sh":
             printed = "".join(_run(line, monkeypatch) for line in text.splitlines())
             if shown:
-                _assert_shown(shown, printed)
+                assert_shown(shown, printed)
     assert (tmp_path / "report.html").stat().st_size > 50_000
     document = json.loads((tmp_path / "estimate.json").read_text("utf-8"))
     assert document["verdict"] == "ok"
@@ -122,4 +105,4 @@ def test_a_tutorial_says_what_a_real_file_lacks(
     steps = list(_steps(page, real=True))
     assert steps
     for _, text, shown in steps:
-        _assert_shown(shown, "".join(_run(line, monkeypatch) for line in text.splitlines()))
+        assert_shown(shown, "".join(_run(line, monkeypatch) for line in text.splitlines()))
