@@ -42,8 +42,8 @@ DEVELOPMENT: Final = """
 ## Development and test
 
 **These are not figures of untouched test cars.** Only the cars, drives and noise of this seed
-were drawn afresh. They were diagnosed once before, at commit ebc848d, with the
-same figures; nothing that changed in between was chosen with them.
+were drawn afresh. They were diagnosed once before, at commit ebc848d; nothing that changed in
+between was chosen with them.
 
 - The four families of cars are not those of the development set (baja, city car, hill climber).
   But the same four families were run with many earlier seeds during development, and
