@@ -115,7 +115,7 @@ RESULTS = {
     "growth": Result("growth.json", 15, ("benchmarks.growth",)),
     "law forms": Result("law_forms.json", 1, ("benchmarks.law_forms",)),
     "live": Result("live.json", 5, ("benchmarks.live",)),
-    "logger": Result("logger.json", 30, ("benchmarks.logger --seed 41 --transfers 100",)),
+    "logger": Result("logger.json", 10, ("benchmarks.logger --seed 41 --transfers 100",)),
     "long logs": Result("long_logs.json", 5, ("benchmarks.long_logs",)),
     "online": Result("online.json", 60, ("benchmarks.online",)),
     "other sensors": Result("other_sensors.json", 20, ("benchmarks.other_sensors --runs 100",)),
@@ -131,7 +131,7 @@ RESULTS = {
     "scatter": Result("scatter.json", 30, ("benchmarks.scatter",)),
     "speed beside peers": Result(
         "peers.json",
-        30,
+        15,
         (
             "make .venv/peers/.installed",
             "benchmarks.peers --python .venv/peers/bin/python",
