@@ -96,7 +96,7 @@ class DocumentResult:
         write_report(self.document, path)
 
     def lines(self) -> list[str]:
-        """State the result in sentences, as the command line prints them."""
+        """State the result in sentences."""
         raise NotImplementedError
 
     def __str__(self) -> str:
